@@ -1,4 +1,4 @@
-"""Orbit computation: element sets and directions in, orbits and places out. Pure."""
+"""Orbit computation: from element sets and directions to orbits and places on the sky. Pure."""
 
 from lazy_loader import attach_stub
 

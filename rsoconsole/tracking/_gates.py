@@ -40,7 +40,10 @@ def track_updates(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, CandidateUpdate]:
-    """Updates of a track with each measurement it may accept, and its streak's errors."""
+    """Possible updates of a track, one for each measurement that it might accept.
+
+    Each is made with the errors that the streak's shape indicates.
+    """
     expected = expected_motion(predicted, seen.exposure_s)
     pairs = [(m, errors_of(m, expected, before.streaks, settings)) for m in measured]
     return estimator.candidate_updates(predicted, pairs, settings.filter)
@@ -54,7 +57,11 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, NotTaken]:
-    """Reasons why measurements do not belong to the track: motion, position, neighbours."""
+    """Reasons why measurements do not belong to the track: motion, position, neighbours.
+
+    A measurement without an entry has passed all gates. ``expected``: the track's motion in one
+    exposure. ``updated``: as from `track_updates`.
+    """
     reasons: dict[Measurement, NotTaken] = {}
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
     if settings.filter.uses_bank:
@@ -136,7 +143,11 @@ def nis_of(update: TrackState | CandidateUpdate) -> float:
 
 
 def mixture_moments_nis(updated: TrackState, settings: FollowSettings) -> float:
-    """NIS by the moments of the mixture alone; the mixture itself allows for more."""
+    """NIS by the mean and covariance of the mixture alone.
+
+    The update's own NIS is smaller, since it allows for the tails of the mixture. For a preset
+    without a bank both are the same.
+    """
     if not settings.filter.uses_bank or updated.innovation_arcsec is None:
         return nis_of(updated)
     off = np.array(updated.innovation_arcsec)

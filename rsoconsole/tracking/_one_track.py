@@ -37,11 +37,16 @@ from rsoconsole.tracking.initiation.acquisition import (
 from rsoconsole.tracking.joint import TrackCandidates
 
 ANOTHER_OBJECT_NIS = 100.0
-"""NIS from which the operator's choice is another object, and initiates a new track."""
+"""NIS from which the measurement that the operator chose counts as another object.
+
+It then initiates a new track.
+"""
 
 ALONE_FOR_S = 100.0
-"""Longest coast of preset ``adaptive`` by its own motions, without an orbit, s: about three
-frames."""
+"""Longest coast, s, that preset ``adaptive`` predicts by its own motions, without an orbit.
+
+About three frames.
+"""
 
 _ABSENT = ("no detection", "nothing fits")
 """Kinds of miss that mean that it was not there."""
@@ -54,7 +59,7 @@ def stepped_track(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
-    """Return a track after a frame of which it accepts one measurement, or none."""
+    """Return a track after a frame: updated with ``chosen``, or coasted where that is None."""
     predicted, updated, reasons = weighed.predicted, weighed.updated, weighed.reasons
     if chosen is not None:
         state = updated[chosen].state
@@ -80,7 +85,7 @@ def stepped_track(
 def shared_track(
     weighed: TrackCandidates, own: SharedStreak, before: LiveTrack, seen: FrameInput
 ) -> Step:
-    """Return a track after a frame that could not show it apart from another."""
+    """Return a track after a frame that shows its satellite and another one in a single streak."""
     records = _records(weighed, own.updated, own.streak)
     return _measured(own.updated, before, own.taken, seen, records)
 
@@ -97,7 +102,11 @@ def _records(
 def reinitiated_track(
     step: Step, before: LiveTrack, track_id: int, seen: FrameInput, settings: FollowSettings
 ) -> Step:
-    """Initiate a new track in the place of one that had gone astray."""
+    """Initiate a new track in the place of one that has gone astray.
+
+    ``step``: the frame's result for the old track, whose ``reacquired`` holds the two measurements
+    to begin with. ``track_id``: number of the new track.
+    """
     found = step.reacquired
     assert found is not None
     fresh = new_track(found.pair, track_id, seen, settings, is_lead=before.track.is_lead)
@@ -107,10 +116,11 @@ def reinitiated_track(
 
 
 def predicted_track(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackState:
-    """Predict the track to a frame: after a while unseen by the orbit of all measurements.
+    """Predict a track to a frame: by its filter, or after a long coast by its orbit.
 
-    No motion without an orbit predicts a long coast; preset ``tuned`` uses the orbit only where its
-    own prediction fits nothing.
+    The motions of preset ``adaptive`` do not predict a coast of more than ``ALONE_FOR_S``: from
+    then on the orbit through all measurements does, if there is one. Preset ``tuned`` uses the
+    orbit only where its own prediction fits nothing.
     """
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     if not settings.filter.uses_bank or seen.by_orbit is None or before.taken is None:
@@ -145,7 +155,10 @@ def _measured(
 def follow_chosen(
     before: LiveTrack, chosen: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> Step:
-    """Accept the operator's choice whatever the gates say, or initiate a new track with it."""
+    """Accept the operator's choice whatever the gates say, or end the track for another object.
+
+    ``ANOTHER_OBJECT_NIS`` decides; another object is in the result's ``begins_with``.
+    """
     predicted = estimator.predict(before.track, seen.t_mid_utc_ns, settings.filter, seen.frame_id)
     others = tuple(not_followed(m, NOT_CHOSEN) for m in seen.measurements if m != chosen)
     updated = track_updates(predicted, (chosen,), before, seen, settings)[chosen].state

@@ -24,15 +24,15 @@ from rsoconsole.tracking.initiation.acquisition import track_through
 from rsoconsole.tracking.initiation.chains import agree
 
 SURE_ODDS = 100.0
-"""Odds to one from which a rival takes over."""
+"""Odds (to one) from which a rival takes the track over."""
 MIN_RIVAL_FRAMES = 3
-"""Fewest frames of a rival that takes over."""
+"""Fewest frames with which a rival can take the track over."""
 MANOEUVRE_PROBABILITY = 0.002
 """Probability of a manoeuvre in one frame."""
 WRONG_PAIR_PROBABILITY = 0.05
 """Probability that a track's first two streaks are of two objects, while no third fits it."""
 UNDETECTED = 0.1
-"""Probability that an object in the field that nothing hides is not detected."""
+"""Probability that an object in the field is not detected although nothing hides it."""
 OTHERS_A_DEG2 = 0.04
 """Density of other objects with a like motion, per square degree: a crowded part of the belt."""
 _BROKEN_ARCSEC = 60.0
@@ -47,23 +47,23 @@ _MAX_UNFIT = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reacquired:
-    """Measurements that did not fit and turned out to be the tracked object."""
+    """A rival that turned out to be the tracked object."""
 
     pair: tuple[Measurement, Measurement]
-    """Last two of the measurements, which initiate the track again."""
+    """Last two measurements of the rival, which initiate the track again."""
     cause: Cause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """Result of one frame for a track, with its records."""
+    """Result of one frame for one track, with its records."""
 
     records: tuple[FoldRecord, ...]
     after: LiveTrack | None
-    """State of the track; None where it has ended."""
+    """Track after the frame; None where it has ended."""
     is_measured: bool = False
     begins_with: Measurement | None = None
-    """Another object that the operator wants followed in its place."""
+    """Measurement of another object, which the operator wants followed in place of this track."""
     reacquired: Reacquired | None = None
 
 
@@ -76,7 +76,12 @@ def coasted_with_rivals(  # noqa: PLR0917 -- one call, each argument a different
     seen: FrameInput,
     settings: FollowSettings,
 ) -> Step:
-    """Coasting step with its rivals, which fit nothing but each other, or a takeover by one."""
+    """Return the coasting step with its rivals, or with a takeover by one of them.
+
+    Rivals are streaks that do not fit the track but fit each other. ``reasons``: why the frame's
+    measurements do not belong to the track. ``is_absent``: the frame should have shown the object
+    and did not.
+    """
     unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
     # Of whatever class: what flashes looks like a chain of stars now and then.
     usable = tuple(m for m in unfit if not m.is_clipped)
@@ -159,10 +164,10 @@ def _longer(
 
 
 def rival_odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
-    """Odds that a rival is the tracked object, and not another one.
+    """Odds that a rival is the tracked object rather than another one.
 
-    ``predicted``: the track predicted to now; ``unexplained``: frames in which it was not detected
-    although nothing hid it.
+    ``predicted``: the track predicted to now; ``unexplained``: number of frames in which it was not
+    detected although nothing hid it.
     """
     if len(rival.measurements) < MIN_RIVAL_FRAMES:
         return 0.0
@@ -202,7 +207,7 @@ def _rival_updated(
 
 
 def is_in_field(predicted: TrackState, field: Field | None) -> bool:
-    """True where the frame should have shown it, as far as the frame's field is known."""
+    """True where the frame should have shown the object; also where ``field`` is unknown."""
     if field is None:
         return True
     inside_arcsec = np.array([3600.0 * three_sigma_deg(predicted)])
@@ -211,9 +216,9 @@ def is_in_field(predicted: TrackState, field: Field | None) -> bool:
 
 
 def is_neighbour(m: Measurement, tracked: LiveTrack) -> bool:
-    """True where a measurement stands where a known neighbour of the track should.
+    """True where a measurement lies at the expected place of a known neighbour of the track.
 
-    ``tracked``: predicted to the measurement's frame.
+    ``tracked``: the track, predicted to the measurement's frame.
     """
     predicted, to = tracked.track, (m.ra_icrs_deg, m.dec_icrs_deg)
     away = motion_between(*lqe.direction_icrs_deg(predicted), *to)

@@ -1,12 +1,12 @@
 """Two satellites in one streak: the measurement that each of both tracks may accept. Pure.
 
-Where two of a slot pass each other closer than a camera can show, a frame has one streak of both:
-across them it lies somewhere between, by their light; along them it is as long as both together and
-its middle is that of the pair. Their relative position is known from the frames before
-(``pattern``), so that streak still measures both: each accepts it shifted by half of the relative
-position, with the unknown share of the light as its error (the merged measurements of
-Blair-Bar-Shalom; Bar-Shalom & Li 1995, 6.4, without a second amplitude). Nothing is learnt of the
-relative position itself.
+Where two satellites of a slot pass each other closer than a camera can show, a frame has one streak
+of both. Across the streak it lies somewhere between them, depending on their light; along it, it is
+as long as both together, and its middle is that of the pair. Their relative position is known from
+the frames before (``pattern``), so that the streak still measures both: each track accepts it
+shifted by half of the relative position, with the unknown share of the light as its error (the
+merged measurements of Blair-Bar-Shalom; Bar-Shalom & Li 1995, 6.4, without a second amplitude). The
+relative position itself is not updated.
 """
 
 import itertools
@@ -24,7 +24,7 @@ from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.joint import Assignment, TrackCandidates
 
 WIDTHS = 2.5
-"""Distance, in star widths, below which two streaks beside each other are found as one."""
+"""Distance across the streaks, in star widths, below which two are found as one."""
 USUAL_WIDTH_ARCSEC = 3.5
 """Full width of a star at half maximum where it was not measured."""
 _LIGHT_SIGMA = 0.5
@@ -39,9 +39,9 @@ class SharedStreak:
     """One track's part of a streak of two satellites."""
 
     streak: Measurement
-    """Streak in the frame."""
+    """The streak of both, as measured in the frame."""
     taken: Measurement
-    """Measurement of the track's own middle by that streak."""
+    """Measurement of this track's own place, derived from the streak."""
     updated: TrackState
 
 
@@ -52,10 +52,10 @@ def shared_streaks(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[int, SharedStreak]:
-    """Find parts of streaks of two tracks, by a track's index in ``weighed``.
+    """Find streaks that two tracks share: the part of each track, by its index in ``weighed``.
 
-    Only where no frame could show both apart, one of the two is left without a streak, and the
-    streak fits both as one of both.
+    Only where the frame could not show the two apart, one of them is left without a streak of its
+    own, and the streak fits both as one. ``given``: the measurements that the tracks have so far.
     """
     found: dict[int, SharedStreak] = {}
     if None not in given.taken:

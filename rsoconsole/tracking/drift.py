@@ -1,10 +1,11 @@
 """Drift of the telescope while its mount tracks, and the error of the polar axis. Pure.
 
-The plate gives where the telescope looks, the mount where it believes to look; the difference
-changes while the mount tracks on. A polar axis that is off makes the declination drift: near the
-meridian by its error in azimuth, low in the east or west by its error in altitude. Source: drift
-alignment as in Hook 1989, J. Br. Astron. Assoc. 99, 19; terms ME and MA in Wallace 1994, TPOINT.
-Flexure and refraction drift too: below half an arcminute nothing is said of the axis.
+The plate gives the direction in which the telescope looks, the mount reports the direction that it
+assumes; the difference changes while the mount tracks. A polar axis that is off makes the
+declination drift: near the meridian by its error in azimuth, low in the east or west by its error
+in altitude. Source: drift alignment as in Hook 1989, J. Br. Astron. Assoc. 99, 19; terms ME and MA
+in Wallace 1994, TPOINT. Flexure and refraction cause drift too: no error of the axis is stated
+below half an arcminute.
 """
 
 import math
@@ -18,7 +19,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray, wrap_180
 
 SAME_SLEW_ARCSEC = 10.0
-"""Largest change of the mount's reported direction within one slew."""
+"""Largest change of the mount's reported direction between frames of one slew."""
 FLIP_DEG = 90.0
 MIN_FRAMES = 5
 MIN_HOURS = 0.05
@@ -32,19 +33,19 @@ Axis = Literal["azimuth", "altitude", "both"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolvedPointing:
-    """One solved frame: direction of the mount and of the plate."""
+    """One solved frame: the directions that the mount and the plate give."""
 
     t_utc_ns: int
     mount_icrs_deg: tuple[float, float]
-    """Reported direction of the mount (RA, Dec)."""
+    """Direction that the mount reports (RA, Dec)."""
     plate_icrs_deg: tuple[float, float]
-    """Solved direction of the plate (RA, Dec)."""
+    """Direction that the plate solution gives (RA, Dec)."""
     rotation_deg: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HourlyRate:
-    """Slope and its one sigma, per hour."""
+    """A rate per hour, with its one sigma."""
 
     value: float
     sigma: float
@@ -57,7 +58,7 @@ class Drift:
     frames: int
     hours: float
     east_arcsec_h: HourlyRate
-    """Rate of the plate's direction over the mount's, eastward on the sky."""
+    """Rate of plate minus mount, eastward on the sky."""
     north_arcsec_h: HourlyRate
     rotation_deg_h: HourlyRate
     """Rate of the field's rotation, east of north."""
@@ -65,17 +66,17 @@ class Drift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolarHint:
-    """Error of the polar axis by the drift in declination at one hour angle."""
+    """Error of the polar axis that the drift in declination at one hour angle shows."""
 
     axis: Axis
     error_arcmin: float
-    """Part of the axis error that shows there, arcmin."""
+    """Size of the error, as far as that hour angle shows it."""
     words: str
-    """Sense of the axis error; empty where it is too small, or does not show there."""
+    """Sense of the error, as ``too low``; empty: too small, or not shown at that hour angle."""
 
 
 def offsets_arcsec(looks: Sequence[SolvedPointing]) -> FloatArray:
-    """Offsets (n, 2), east (on the sky) and north, of the plate over the mount, arcsec."""
+    """Offsets (n, 2) of the plate from the mount, east (on the sky) and north, arcsec."""
     mount = np.array([look.mount_icrs_deg for look in looks]).reshape(-1, 2)
     plate = np.array([look.plate_icrs_deg for look in looks]).reshape(-1, 2)
     east = wrap_180(plate[:, 0] - mount[:, 0]) * np.cos(np.radians(plate[:, 1]))
@@ -83,10 +84,10 @@ def offsets_arcsec(looks: Sequence[SolvedPointing]) -> FloatArray:
 
 
 def drift_of(looks: Sequence[SolvedPointing]) -> Drift | None:
-    """Drift over the frames since the camera last turned; None where they are too few or short.
+    """Drift over the frames since the camera last turned; None: too few, or over too short a time.
 
-    Frames between which the mount was not sent elsewhere share one offset: the scatter of the slews
-    is no drift.
+    Frames between which the mount was not sent elsewhere share one offset, so that the scatter of
+    slews does not count as drift.
     """
     recent = _since_flip(looks)
     if len(recent) < MIN_FRAMES:
@@ -109,7 +110,10 @@ def drift_of(looks: Sequence[SolvedPointing]) -> Drift | None:
 
 
 def polar_hint(drift: Drift, hour_angle_deg: float, latitude_deg: float) -> PolarHint:
-    """Error of the polar axis that a drift in declination shows at an hour angle (west +)."""
+    """Error of the polar axis that a drift in declination shows.
+
+    ``hour_angle_deg``: that of the frames, west positive.
+    """
     north = drift.north_arcsec_h
     hour_angle_deg = float(wrap_180(hour_angle_deg))
     away_deg = min(abs(hour_angle_deg), 180.0 - abs(hour_angle_deg))

@@ -1,9 +1,9 @@
 """Tracking frame by frame: a pure fold over recorded inputs.
 
 ``follow(before, seen, settings)`` is pure, so the engine, ``process``, what-if and a replay of a
-session all get the same track from the same inputs, bit for bit. States and their passages are
-those of the architecture page; IDLE, MANUAL and FAULT belong to the controller of the mount and are
-set from outside.
+session all get the same track from the same inputs, bit for bit. States and transitions are those
+of the architecture page; IDLE, MANUAL and FAULT belong to the controller of the mount and are set
+from outside.
 """
 
 from dataclasses import replace
@@ -49,7 +49,7 @@ from rsoconsole.tracking.joint import TrackCandidates, assign
 def follow(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """Return the next state, and the records, in order."""
+    """Return the state after a frame, and the frame's records in order."""
     seen, crossings = _without_crossings(seen)
     before = track_decisions.with_decisions(before, seen, settings)
     if before.state not in ("TRACK", "COAST") or not before.tracks:

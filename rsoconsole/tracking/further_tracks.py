@@ -1,9 +1,9 @@
 """Tracks beside the lead: measurements that no track has accepted may initiate another one. Pure.
 
-Frames that agree on one motion initiate it, as they do the first. On trial
-(``chains.trial_lengths``) it ends with its first miss, so that false streaks cost a frame or two,
-and its last streak may initiate another one. A track with three or four measurements coasts for
-less time than one of a whole night. One that has left the field ends too: only the lead is
+Frames that agree on one motion initiate a track beside the lead, as they do the first. A track on
+trial (``chains.trial_lengths``) ends with its first miss, so that false streaks cost a frame or
+two; its last streak may then initiate another track. A track with three or four measurements coasts
+for less time than one of a whole night. A track that has left the field ends too: only the lead is
 searched for.
 """
 
@@ -35,8 +35,11 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import new_track
 
 UNSEEN_EACH = 2
-"""Number of frames that nothing hides and that do not show a track, for each one after its first,
-at which it ends: chance tracks end so, and one that fades initiates another track."""
+"""Number of frames without its streak, per measurement after its first, at which a track ends.
+
+Frames count in which nothing hides it. Chance tracks end so; an object that fades initiates another
+track.
+"""
 _SAME_STREAK_ARCSEC = 8.0
 """Distance, arcsec, below which a streak is an accepted one of a track, detected twice."""
 _BEYOND_SIGMAS, _BEYOND_ARCSEC = 5.0, 120.0
@@ -44,12 +47,14 @@ _OUTSIDE_S = 300.0
 
 
 MANY = 6
-"""Largest number of tracks that all keep the full grid of filters: more would cost too much time a
-frame."""
+"""Largest number of tracks that all keep the full grid of filters.
+
+More would cost too much time a frame.
+"""
 
 
 def with_fewer_filters(before: Following) -> Following:
-    """Return the state with fewer filters for tracks beside the lead, where there are many."""
+    """Return the state, with fewer filters for tracks beside the lead if there are many."""
     if len(before.tracks) + len(before.dropped) <= MANY:
         return before
     lead, *others = before.tracks
@@ -67,7 +72,7 @@ def _lightened(one: LiveTrack) -> LiveTrack:
 def within_reach(
     measurements: tuple[Measurement, ...], predicted: TrackState
 ) -> tuple[Measurement, ...]:
-    """Measurements near enough to a prediction to be weighed; others are beyond any gate."""
+    """Measurements near enough to a prediction to be compared; all others are beyond any gate."""
     here = lqe.direction_icrs_deg(predicted)
     scatter_s = 0.0 if predicted.mixture is None else predicted.mixture.scatter_high_s
     reach_arcsec = _BEYOND_ARCSEC + _BEYOND_SIGMAS * (
@@ -88,9 +93,10 @@ def within_reach(
 def without_ghost_lead(
     steps: list[Step], tracks: Sequence[LiveTrack], seen: FrameInput, settings: FollowSettings
 ) -> list[Step]:
-    """Return the steps without a missed lead on trial where another track is confirmed: that leads.
+    """Return the steps without a missed lead on trial, if another track is confirmed.
 
-    Alone it goes on: its two streaks are the best prediction there is.
+    The confirmed track then leads. Without one the lead goes on: its two streaks are the best
+    prediction there is.
     """
     confirmed = (
         step.is_measured and step.after is not None and _is_confirmed(step.after)
@@ -105,7 +111,7 @@ def without_ghost_lead(
 
 
 def with_ending(step: Step, before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> Step:
-    """End a track beside the lead where it is missed on trial, seldom seen, or out of the field."""
+    """End a track beside the lead if it is missed on trial, seldom seen, or out of the field."""
     if step.after is None or step.is_measured:
         return step
     lost: TrackLost | None = None
@@ -154,9 +160,10 @@ def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[tuple[LiveTrack, ...], set[Measurement]]:
-    """Initiate tracks by chains of frames that agree, the surest first; with all measurements used.
+    """Initiate tracks by chains of frames that agree, the surest first.
 
-    ``alive``: the existing tracks; together there are at most as many as the settings allow.
+    Also returns all measurements used. ``alive``: the existing tracks; together with the new ones
+    there are at most as many as the settings allow.
     """
     room = settings.filter.most_tracks - len(alive)
     if room <= 0 or not usable or not (before.candidates or before.earlier):
@@ -176,10 +183,10 @@ def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
 def free_measurements(
     steps: list[Step], seen: FrameInput, settings: FollowSettings
 ) -> tuple[Measurement, ...]:
-    """Measurements that may initiate a track: none has accepted them, and none waits for them.
+    """Measurements that may initiate a track: no track has accepted or claimed them.
 
-    Possible streaks of a missed track (``_takeover``) and streaks that may belong to either of two
-    tracks are not free.
+    Claimed are possible streaks of a missed track (``_takeover``) and streaks that may belong to
+    either of two tracks.
     """
     taken = [s.after.taken for s in steps if s.is_measured and s.after and s.after.taken]
     is_wide = chains.uses_window(settings)
@@ -242,7 +249,7 @@ def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thi
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """Return state and records with the tracks that a frame initiates beside the others."""
+    """Return state and records with the tracks that a frame initiates beside the existing ones."""
     free = free_measurements(steps, seen, settings)
     if chains.uses_window(settings):
         before = _with_given_back(before, steps)

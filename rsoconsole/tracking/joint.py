@@ -1,15 +1,16 @@
 """Joint assignment of a frame's measurements to all tracks. Pure.
 
-Each pair that passes the gates has a likelihood, so have a track that is not seen and a streak that
-is no track's; of all ways to explain the frame the likeliest is taken (global nearest neighbour;
-Blackman & Popoli 1999, 6.4), by scipy's assignment.
+Three things have likelihoods: each pair that passes the gates, a track that is not seen, and a
+streak that belongs to no track. Of all ways to explain the frame the likeliest is taken (global
+nearest neighbour; Blackman & Popoli 1999, 6.4), by scipy's assignment.
 
-Errors of a frame's time are one number for all of its streaks, those of the frames before are in
-the predictions: members of a slot may all be beside them by as much as they are from each other. So
-every likely pair is assumed to be right in turn, and the others then need only stand to it as they
-did before (``pattern``). Where an explanation that does not give a track its streak is as likely,
-it accepts none; but of two that fit one streak alike frame after frame, each would wait for the
-other until both are lost: then the likelier accepts it (``filter.most_ambiguous``).
+An error of a frame's time moves all of its streaks alike, and errors of the frames before are in
+the predictions: members of a slot may all be beside their predictions by as much as they are from
+each other. So every likely pair is assumed to be right in turn, and the other streaks then need
+only lie relative to it as they did before (``pattern``). Where an explanation that does not give a
+track its streak is as likely, the track accepts none. But two tracks that fit one streak alike
+frame after frame would wait for each other until both are lost: then the likelier accepts it
+(``filter.most_ambiguous``).
 """
 
 import math
@@ -54,11 +55,11 @@ class TrackCandidates:
     updated: dict[Measurement, CandidateUpdate]
     """Updates of the track with the frame's candidate measurements."""
     reasons: dict[Measurement, NotTaken]
-    """Reasons why some of them do not belong to it."""
+    """Reasons why some of these measurements do not belong to the track."""
     by_filter: dict[Measurement, NotTaken] = field(default_factory=dict)
-    """Reasons by the filter's own prediction, where the orbit's replaces it."""
+    """Reasons by the filter's own prediction, where the orbit's prediction is used instead."""
     must_decide: bool = False
-    """True where it has been ambiguous for so long that the likeliest is accepted."""
+    """True where the track has been ambiguous for so long that it accepts the likeliest."""
 
     @property
     def fitting(self) -> tuple[Measurement, ...]:
@@ -68,7 +69,7 @@ class TrackCandidates:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """Measurements assigned to the tracks."""
+    """Measurement assigned to each track; None for none."""
 
     taken: tuple[Measurement | None, ...]
     is_ambiguous: tuple[bool, ...]
@@ -87,8 +88,10 @@ class _Pairs:
     places: FloatArray
     """(streaks, 2) places on one plane, arcsec."""
     own: FloatArray
-    """(tracks, streaks, 2, 2) covariance of a place without errors common to all of a frame,
-    arcsec^2."""
+    """(tracks, streaks, 2, 2) covariance of a place, arcsec^2.
+
+    Without errors common to all of a frame.
+    """
     ways: FloatArray
     """(tracks, tracks, 2) relative positions, arcsec."""
     ways_covariance: FloatArray
@@ -107,7 +110,7 @@ class _Explanation:
 def assign(tracks: Sequence[TrackCandidates], pattern: TrackPattern | None = None) -> Assignment:
     """Find the likeliest assignment of the frame's measurements to the tracks.
 
-    ``pattern``: their relative positions in the frames before.
+    ``pattern``: relative positions of the tracks in the frames before.
     """
     pairs = _pairs(tracks, pattern or NO_PATTERN)
     if not pairs.columns:

@@ -1,17 +1,20 @@
 """Pointing offset of the loop: solved centre minus commanded position, by pier side.
 
 SYNC is never sent, since it can spoil a mount's own model; this small filter does its work instead.
-A mount's errors hang on where its axes stand, so an offset belongs to a side of the pier and to an
-hour angle and declination, of date; it is kept as east and north on the sky, because most of it
+A mount's errors depend on where its axes stand, so an offset belongs to a side of the pier and to
+an hour angle and declination, of date; it is kept as east and north on the sky, because most of it
 (collimation, polar axis, flexure) is a distance on the sky and not an angle of the polar axis.
 
-What holds how far, in the simulated mount (0.1 deg wrong in all, flip included): within 10 deg on
-one side the offset still fits to 1.1 arcmin, against 5.4 without; 40 deg away it is no better than
-half; that of the other side is worse than none (6.0 against 5.7). Hence it is dropped by a flip or
-a slew of more than 10 deg. But offsets are remembered for the return to where they were learnt:
-that saves the frame which would be 5 arcmin off each time a list of targets goes round. The first
-frame after such a return is taken whole, so that a memory that has grown stale lasts one frame.
-Pure.
+How far an offset stays valid in the simulated mount (0.1 deg wrong in all, flip included):
+
+- within 10 deg on one side it still fits to 1.1 arcmin, against 5.4 without an offset;
+- 40 deg away it takes off only half of the error;
+- on the other side it is worse than none (6.0 against 5.7).
+
+Hence a flip or a slew of more than 10 deg ends its use. But offsets are remembered for the return
+to where they were learnt: that saves the frame which would be 5 arcmin off each time a list of
+targets goes round. The first frame after such a return replaces the offset, so that an outdated one
+lasts one frame. Pure.
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +25,10 @@ from rsoconsole.sky import direction_to_unit, position_angle_deg, separation_deg
 
 GAIN = 0.5
 JUMP_ARCSEC = 120.0
-"""Change beyond the random error of a slew: the mount was synced or has slipped."""
+"""Change of the offset beyond the random error of a slew.
+
+It means that the mount was synced or has slipped.
+"""
 CLIP_ARCSEC = 3600.0
 LARGE_SLEW_DEG = 10.0
 MAX_KEPT = 24
@@ -33,14 +39,16 @@ Side = Literal["east", "west"] | None
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointingOffset:
-    """Pointing offset around one position of the axes: solved minus commanded."""
+    """Pointing offset near one position of the axes: solved minus commanded."""
 
     east_arcsec: float = 0.0
-    """Eastward offset on the sky: hour angle times cos dec, the other way round."""
+    """Eastward offset on the sky: right ascension times cos dec."""
     north_arcsec: float = 0.0
     samples: int = 0
-    """Number of frames in a row that have made it; 0 before any, and again for one only
-    remembered."""
+    """Number of successive frames that have made the offset.
+
+    0 before any frame, and for an offset that is only remembered.
+    """
     hour_angle_deg: float = 0.0
     """Hour angle of the last measurement, of date, west positive."""
     declination_deg: float = 0.0
@@ -52,7 +60,10 @@ NO_OFFSET = PointingOffset()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointingModel:
-    """Offsets by place, each more than a large slew from the others of its side; the last first."""
+    """Remembered offsets by position of the axes, the last one first.
+
+    Each is more than a large slew from all others on its side of the pier.
+    """
 
     offsets: tuple[PointingOffset, ...] = ()
 
@@ -64,7 +75,7 @@ class PointingModel:
     def at(self, hour_angle_deg: float, declination_deg: float, pier_side: Side) -> PointingOffset:
         """Offset for a position of the axes; ``NO_OFFSET`` where none is known.
 
-        ``samples`` is 0 for the memory of a place to which the telescope has only just returned.
+        Its ``samples`` is 0 where it is remembered from before the telescope moved away and back.
         """
         near = self._near(hour_angle_deg, declination_deg, pier_side)
         if not near:
@@ -72,7 +83,7 @@ class PointingModel:
         return near[0] if near[0] is self.offsets[0] else replace(near[0], samples=0)
 
     def with_last(self, offset: PointingOffset) -> "PointingModel":
-        """Return the model with this offset learnt last, in place of those around it."""
+        """Return the model with an offset just learnt, which replaces those near its position."""
         near = self._near(offset.hour_angle_deg, offset.declination_deg, offset.pier_side)
         others = tuple(each for each in self.offsets if each not in near)
         return PointingModel(offsets=(offset, *others)[:MAX_KEPT])
@@ -104,8 +115,8 @@ def with_solved_frame(
 ) -> PointingModel:
     """Return the model after one solved frame at a commanded position (both ICRS degrees).
 
-    ``hour_angle_deg`` and ``declination_deg``: position of the axes, of date. The first sample
-    after a flip, a large slew or a jump is taken whole; later ones are filtered, since part of
+    ``hour_angle_deg`` and ``declination_deg``: position of the axes, of date. The first frame after
+    a flip, a large slew or a jump sets the offset; later ones are averaged into it, since part of
     every slew's error is random.
     """
     sky = (commanded_ra_deg, commanded_dec_deg, solved_ra_deg, solved_dec_deg)

@@ -1,6 +1,6 @@
 """Decisions of the operator on whole tracks: one is dropped, or kept while unseen. Pure.
 
-A dropped track goes on by itself, on no record and in no list, so that its streaks are known and
+A dropped track is still followed, on no record and in no list, so that its streaks are known and
 initiate no other track; it is forgotten once it has left the field, or may have.
 """
 
@@ -23,7 +23,7 @@ DROPPED = NotTaken(kind="dropped")
 
 
 def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings) -> Following:
-    """Return the state before a frame, with the operator's decisions from this frame on."""
+    """Return the state before a frame, with the operator's decisions from that frame on applied."""
     if before.dropped:
         most_s = settings.filter.max_coast_s
         known = (
@@ -42,7 +42,7 @@ def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings
 def with_decisions_on_new(
     after: Following, records: tuple[FoldRecord, ...], seen: FrameInput
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """Return state and records with the decisions on tracks that the frame initiates."""
+    """Return state and records with the operator's decisions on tracks that the frame initiates."""
     if not (seen.dropped or seen.kept):
         return after, records
     tracks = tuple(_with_keeping(each, seen) for each in after.tracks)
@@ -59,9 +59,9 @@ def with_decisions_on_new(
 def step_dropped_tracks(
     dropped: tuple[LiveTrack, ...], steps: list[Step], seen: FrameInput
 ) -> tuple[tuple[LiveTrack, ...], tuple[FoldRecord, ...]]:
-    """Return the dropped tracks after a frame, and records of the streaks that were theirs.
+    """Return the dropped tracks after a frame, and records of the streaks that belong to them.
 
-    A streak that the operator wants followed is dropped no longer.
+    A track whose streak the operator wants followed is dropped no longer.
     """
     wanted = None if seen.chosen is None else seen.chosen.measurement_id
     after, records = list[LiveTrack](), tuple[FoldRecord, ...]()
@@ -78,7 +78,7 @@ def step_dropped_tracks(
 
 
 def without_taken(seen: FrameInput, steps: list[Step]) -> FrameInput:
-    """Frame without measurements accepted in these steps, except the operator's choice."""
+    """Return the frame without measurements accepted in ``steps``, except the operator's choice."""
     taken = {
         step.after.taken.measurement_id
         for step in steps
@@ -93,7 +93,7 @@ def without_taken(seen: FrameInput, steps: list[Step]) -> FrameInput:
 def with_kept_states_marked(
     records: tuple[FoldRecord, ...], *known: Following
 ) -> tuple[FoldRecord, ...]:
-    """Mark the states of kept tracks as kept."""
+    """Return the records, with the states of kept tracks marked as kept."""
     kept = {each.track.track_id for one in known for each in one.tracks if each.is_kept}
     if not kept:
         return records
@@ -106,7 +106,7 @@ def with_kept_states_marked(
 
 
 def first_leads(tracks: tuple[LiveTrack, ...]) -> tuple[LiveTrack, ...]:
-    """Return the tracks, the first one the lead and no other."""
+    """Return the tracks with the first one marked as the lead, and no other."""
     return tuple(
         each
         if each.track.is_lead == (at == 0)

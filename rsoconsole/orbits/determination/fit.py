@@ -1,14 +1,14 @@
 """Orbit fit to all directions: least squares with a stated prior. Pure.
 
-The unknowns are what a telescope sees: direction, its rates, the logarithm of the range and the
-range's relative rate at the epoch. Short arcs give the first four sharply and the last two hardly,
-so the problem is well scaled whatever the arc, and the range stays positive. Source of the method:
-Tapley, Schutz & Born 2004, Statistical Orbit Determination, 4; Levenberg's damping; Huber's weights
-against outliers.
+The unknowns describe the orbit as a telescope sees it at the epoch: the direction (two numbers),
+its rates (two), the logarithm of the range, and the relative rate of the range. A short arc
+determines the first four sharply and the last two hardly, so the problem is well scaled whatever
+the arc, and the range stays positive. Source of the method: Tapley, Schutz & Born 2004, Statistical
+Orbit Determination, 4; Levenberg's damping; Huber's weights against outliers.
 
-Forces beside the point mass enter as the deviation from its orbit (Encke): it is computed once,
-kept while the unknowns move a little, and computed again where they moved far. Slopes are those of
-the point mass all the same.
+Forces beside the Earth's point mass enter as a deviation from the two-body orbit (Encke). The
+deviation is computed once, reused while the unknowns change little, and computed again after a
+large change. The slopes are always those of two-body motion.
 """
 
 from collections.abc import Iterator
@@ -45,19 +45,22 @@ _NO_NUMBERS = np.linalg.LinAlgError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prior:
-    """Prior belief in the size and roundness of an orbit."""
+    """Prior on the size and roundness of an orbit; a field that is None constrains nothing."""
 
     sigma_e: float | None = None
-    """Root mean square of the eccentricity: its vector lies about 0 in the plane of the orbit, each
-    component with this over root 2. None: nothing is believed."""
+    """Root mean square of the eccentricity; None: no prior.
+
+    The eccentricity vector has mean 0 and lies in the plane of the orbit; each of its two
+    components has a sigma of this over root 2.
+    """
     a_km: float | None = None
-    """Semi-major axis; None: nothing is believed."""
+    """Mean of the semi-major axis; None: no prior."""
     sigma_a_km: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """Best fitting orbit, at the epoch of its sightings."""
+    """Best fitting orbit, at the epoch of the directions."""
 
     r_km: FloatArray
     """Position (3,), GCRS."""
@@ -65,15 +68,15 @@ class Fit:
     covariance: FloatArray
     """Covariance (6, 6), km and km/s."""
     residuals_arcsec: FloatArray
-    """Residuals (N, 2), measured minus predicted on the sky, of left out directions also."""
+    """Residuals (N, 2), measured minus predicted, east and north; of outliers too."""
     is_used: BoolArray
-    """Mask (N,), False for outliers."""
+    """Mask (N,), False for directions left out as outliers."""
     cost: float
-    """Sum of squares in units of variance, prior included, each outlier counted at its bound."""
+    """Chi-square of all directions, each outlier counted at its bound, plus ``prior_chi2``."""
     chi2: float
-    """Sum of squares of the used directions alone."""
+    """Chi-square of the used directions alone."""
     prior_chi2: float
-    """Sum of squares of the prior alone: how much the orbit contradicts it."""
+    """Chi-square of the prior alone: large where the orbit contradicts the prior."""
     degrees_of_freedom: int
     is_converged: bool
 
@@ -186,10 +189,10 @@ def fit(
     prior: Prior | None = None,
     motion: Motion | None = None,
 ) -> Fit:
-    """Fit the orbit near ``start`` (a state at the epoch) to all directions.
+    """Fit an orbit to all directions, starting from ``start``, a state at their epoch.
 
-    ``motion`` other than about a point mass moves the object. Directions that fit with no orbit
-    are left out, never more than a third.
+    ``motion`` propagates the object; None: two-body motion. Directions that fit no orbit are left
+    out as outliers, at most a third of them.
     """
     problem = _problem(seen, start, prior or Prior())
     unknowns = problem.view.unknowns(start)
@@ -204,7 +207,10 @@ def fit(
 def formal_covariances(
     seen: MeasuredDirections, state: State, prior: Prior
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariances (6, 6) that a fit near this state would have: with the prior, and without."""
+    """Covariances (6, 6) of ``state`` as a fit there would give them: with the prior, and without.
+
+    Nothing is fitted: the problem is linearised at ``state``.
+    """
     problem = _problem(seen, state, prior)
     unknowns = problem.view.unknowns(state)
     with np.errstate(all="ignore"):
@@ -359,7 +365,10 @@ def _used(squares: FloatArray) -> BoolArray:
 
 
 def inverse_normal_matrix(normal: FloatArray) -> FloatArray:
-    """Inverse of a normal matrix, scaled first: undetermined parts come out huge."""
+    """Inverse of a normal matrix, scaled first.
+
+    Undetermined unknowns get huge variances instead of an error.
+    """
     if not np.all(np.isfinite(normal)):
         return np.full_like(normal, np.nan)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))

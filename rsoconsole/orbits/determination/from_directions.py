@@ -2,10 +2,12 @@
 
 A short arc determines a direction and its rates, hardly the range: a free fit then follows the
 noise. Knowledge of a regime (geostationary orbits are nearly circular) may be stated as a prior,
-and the answer says so. Labels: ``free`` where the directions alone give the semi-major axis to 100
-km, and no prior would halve that; ``constrained by prior`` where a stated prior gives it to 3 %;
-``weak geometry`` where there is an orbit but not that well, or nothing to check it with; ``not
-observable`` where the directions do not distinguish one range from another.
+and the answer names the prior. Its label is one of these:
+
+- ``free``: the directions alone give the semi-major axis to 100 km, and no prior would halve that;
+- ``constrained by prior``: a stated prior gives the semi-major axis to 3 %;
+- ``weak geometry``: there is an orbit, but a less certain one, or nothing to check it with;
+- ``not observable``: the directions do not distinguish one range from another.
 """
 
 from collections.abc import Iterable
@@ -43,7 +45,7 @@ from rsoconsole.orbits.motion.two_body import axis_and_inclination
 
 MIN_SIGHTINGS = 3
 POINT_MASS_S = 900.0
-"""Longest arc for which the Earth is a point mass: 0.02 arcsec at a geostationary satellite."""
+"""Longest arc fitted by two-body motion; its error is 0.02 arcsec at a geostationary satellite."""
 _RIVAL = 9.0
 """Difference of two sums of squares below which both orbits fit alike."""
 _HELPED = 2.0
@@ -57,13 +59,13 @@ _ASTRAY = 9.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orbit(KnownOrbit):
-    """Orbit from a determination, with its label and accuracy."""
+    """Orbit determined from directions, with its label and accuracy."""
 
     label: Label
     prior: PriorName
-    """Prior in use; ``none`` for a free orbit."""
+    """Name of the prior in use; ``none`` for a free orbit."""
     reason: str
-    """Reason for the label, in words."""
+    """Why the orbit has its label, in words."""
     sigma_a_km: float
     rms_arcsec: float
     """RMS residual of the used directions, per axis, arcsec."""
@@ -71,9 +73,9 @@ class Orbit(KnownOrbit):
     outliers: int
     fit: Fit
     rivals: int
-    """Number of other orbits that fit as well."""
+    """Number of other, distinct orbits that fit as well."""
     is_astray: bool = False
-    """True where its directions lie so far off it that no start leads to an orbit through them."""
+    """True where the orbit misses its directions by far: no start led to one through them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,14 +106,13 @@ def determine(
     start: State | None = None,
     tries_seeds: bool = True,
 ) -> Orbit | None:
-    """Determine the best orbit through ``seen``; None where the directions are too few, or no orbit
-    fits.
+    """Determine the best orbit through ``seen``; None: too few directions, or no orbit fits.
 
-    ``start``: a state at the epoch of ``seen`` of an earlier orbit of the same object
-    (`Orbit.states`), from which refining is quick; without one (or where it leads nowhere) every
-    seed is tried, which takes a hundred times as long, unless ``tries_seeds`` is False: the orbit
-    from the start is then the only one. ``auto`` takes no prior where none is needed, else that of
-    the regime in which the orbit lies.
+    ``start``: an earlier orbit's state (`Orbit.states`) at the epoch of ``seen``, which the fit
+    only refines, quickly. Without a start, or where it leads nowhere, all seeds are tried, which
+    takes a hundred times as long; with ``tries_seeds`` False the orbit from the start is the only
+    one. ``prior``: ``auto`` takes that of the regime in which the orbit lies, and none where the
+    directions need none.
     """
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
@@ -162,8 +163,10 @@ def _is_apart(found: Fit, others: Iterable[Fit]) -> bool:
 
 
 def _first_pass(seen: MeasuredDirections, asked: _Asked) -> _Found | None:
-    """Orbit through the longest pass; seeds through inner directions where the outer ones lead
-    astray."""
+    """Orbit through the longest pass.
+
+    Where seeds through the outer directions lead astray, through inner ones.
+    """
     best: _Found | None = None
     for inward in INWARD:
         found = _settled(seen, seeds(seen, inward), asked)
@@ -206,8 +209,7 @@ def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
 
 
 def _needs_no_prior(seen: MeasuredDirections, state: State) -> bool:
-    """True where the directions alone give axis and eccentricity, hardly worse than with a
-    prior."""
+    """True where the directions alone give axis and eccentricity hardly worse than with a prior."""
     near = [each.prior for each in REGIMES.values() if each.holds(state)]
     constrained, free = formal_covariances(seen, state, near[0] if near else Prior())
     sigma_a_km, sigma_e = semi_major_axis_sigma_km(state, free), eccentricity_sigma(state, free)

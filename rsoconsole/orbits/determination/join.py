@@ -1,9 +1,10 @@
 """Joining of tracklets: one orbit through all of them, against one for each. Pure.
 
-The answer is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning
-Algorithms, 28): how well one orbit explains the directions of both, with what is left uncertain,
-against two orbits drawn from the population (``population``). Unmodelled forces and the stars' own
-errors move whole tracklets: each has an offset of unknown size, solved for and integrated out.
+The answer is a ratio of two evidences (MacKay 2003, Information Theory, Inference, and Learning
+Algorithms, 28): that of one orbit for the directions of both tracklets, and that of two orbits
+drawn from the population (``population``). An evidence weighs how well the directions are explained
+against how much they leave uncertain. Unmodelled forces and the stars' own errors move whole
+tracklets: each has an offset of unknown size, solved for and integrated out.
 """
 
 from collections.abc import Sequence
@@ -21,10 +22,13 @@ from rsoconsole.records import FloatArray
 from rsoconsole.words import NS_PER_S
 
 STARS_ARCSEC = 0.3
-"""Common error of a tracklet's plate solutions."""
+"""One sigma of the error that plate solutions give to all directions of a tracklet alike."""
 FORCES_ARCSEC_A_DAY = 4.0
-"""Error of unmodelled forces: 2.4 for a geostationary satellite whose area to mass is off by all of
-the usual one, and what else is left out; SGP4 and these forces differ by as much."""
+"""One sigma of a tracklet's common error by unmodelled forces, for each day of its span.
+
+2.4 of it is for a geostationary satellite whose area to mass is wrong by all of the usual value,
+the rest for other forces; SGP4 and the modelled forces differ by as much as all of it.
+"""
 _STEPS = 8
 _SETTLED = 1e-3
 _STEP = np.array([1e-1, 1e-1, 1e-1, 1e-5, 1e-5, 1e-5])
@@ -35,11 +39,11 @@ _HOPELESS = 2000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrackletOrbit:
-    """The orbit of a tracklet by itself, with its evidence."""
+    """Orbit fitted to one tracklet by itself, with its evidence."""
 
     seen: MeasuredDirections
     state: State
-    """State at the epoch of ``seen``."""
+    """State at the epoch of ``seen``, the directions of the tracklet."""
     population: Population
     log_evidence: float
     chi2: float
@@ -47,12 +51,12 @@ class TrackletOrbit:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointOrbit:
-    """One orbit through several tracklets, with its evidence."""
+    """One orbit fitted to several tracklets, with its evidence."""
 
     state: State
     """State at ``epoch_utc_ns``."""
     covariance: FloatArray
-    """Covariance (6, 6), km and km/s, with the common errors of whole tracklets in it."""
+    """Covariance (6, 6), km and km/s; it includes the common errors of whole tracklets."""
     epoch_utc_ns: int
     log_evidence: float
     chi2: float
@@ -79,9 +83,10 @@ def tracklet_orbit(seen: MeasuredDirections, prior: PriorName = "auto") -> Track
 
 
 def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
-    """Logarithm of the odds that both are of one object; minus infinity where no orbit fits.
+    """Logarithm of the odds that two tracklets are of one object.
 
-    One orbit is sought through both, begun from the longer.
+    Minus infinity where no orbit fits both. The search for such an orbit starts from that of the
+    longer tracklet.
     """
     longer, shorter = sorted((first, second), key=lambda each: _span_s(each.seen), reverse=True)
     both = joint_orbit(
@@ -97,7 +102,10 @@ def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
 def log_odds_of_more(
     start: TrackletOrbit, used: Sequence[MeasuredDirections], more: TrackletOrbit
 ) -> float:
-    """Logarithm of the odds that ``more`` is of the object of ``start`` and of ``used``."""
+    """Logarithm of the odds that ``more`` is of the same object as ``start`` and ``used``.
+
+    ``used``: the tracklets already joined to ``start``. Minus infinity where no orbit fits.
+    """
     if not used:
         return log_odds(start, more)
     parts = (start.seen, *used)
@@ -125,14 +133,14 @@ def _log_odds(
 
 
 def probability_of(log_odds: float) -> float:
-    """Probability of one object by log odds; 0 where those could not be computed."""
+    """Probability that tracklets are of one object, by log odds; 0 where the odds are NaN."""
     from scipy.special import expit
 
     return float(np.nan_to_num(expit(log_odds)))
 
 
 def merged_tracklets(parts: Sequence[MeasuredDirections]) -> tuple[MeasuredDirections, FloatArray]:
-    """Several tracklets as one, in order of time, and which of them each direction (N,) is of."""
+    """Merge tracklets in order of time; also the number (N,) of each direction's tracklet."""
     which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
     t = np.concatenate([each.t_utc_ns for each in parts])
     order = np.argsort(t, kind="stable")
@@ -148,7 +156,10 @@ def merged_tracklets(parts: Sequence[MeasuredDirections]) -> tuple[MeasuredDirec
 
 
 def common_error_arcsec(seen: MeasuredDirections) -> float:
-    """One sigma of the error that all directions of a tracklet have in common, by its time span."""
+    """One sigma of the error common to all directions of a tracklet.
+
+    It grows with the tracklet's time span.
+    """
     return float(np.hypot(STARS_ARCSEC, FORCES_ARCSEC_A_DAY * _span_s(seen) / 86_400.0))
 
 
@@ -163,9 +174,10 @@ def joint_orbit(
     population: Population,
     worst_chi2: float = float("inf"),
 ) -> JointOrbit | None:
-    """One orbit through all parts, from ``start``, a state at ``epoch_utc_ns``; with its evidence.
+    """Fit one orbit to all tracklets by least squares, and compute its evidence.
 
-    Least squares; None where it leads nowhere, or leaves more than ``worst_chi2``.
+    ``start``: the first guess, a state at ``epoch_utc_ns``. ``population``: orbits that the
+    evidence expects. None where the fit leads nowhere, or leaves a chi-square above ``worst_chi2``.
     """
     seen, which = merged_tracklets(parts)
     forces = PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns)
@@ -207,7 +219,7 @@ def joint_orbit(
 
 
 def state_at(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
-    """A state at another instant."""
+    """Propagate a state from one instant to another, with all modelled forces."""
     since_s = np.array([(to_utc_ns - from_utc_ns) / NS_PER_S])
     r, v = PerturbedPropagator(epoch_utc_ns=from_utc_ns).states(*start, since_s)
     return r[0], v[0]

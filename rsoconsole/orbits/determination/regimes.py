@@ -1,12 +1,14 @@
 """Kinds of orbits, and their priors. Pure.
 
-Figures of the catalogue of 2023-06-22, at noon of that day. Of 364 geostationary satellites held
-over the equator (inclination below 0.35 deg on GCRS axes, axis within 15 km of 42,166) the
-osculating semi-major axis scattered by 0.62 km about 42,165.9, 95 in 100 within 1.2 km, one beyond
-3.6; 98 in 100 had an eccentricity below 6.9e-4. The prior ``slot`` has twice that scatter, for
-tails longer than a normal error's. Of all 1,632 objects near that axis three quarters had an
-eccentricity below 2.1e-3, but one in eight has more than 6e-3: to those the prior ``geo`` is a lie,
-which only a longer arc finds out.
+Figures of the catalogue of 2023-06-22, at noon of that day:
+
+- 364 geostationary satellites were kept over the equator (inclination below 0.35 deg on GCRS axes,
+  axis within 15 km of 42,166). Their osculating semi-major axis scattered by 0.62 km about
+  42,165.9, 95 in 100 within 1.2 km, one beyond 3.6; 98 in 100 had an eccentricity below 6.9e-4. The
+  prior ``slot`` has twice that scatter, for tails longer than a normal error's.
+- Of all 1,632 objects near that axis three quarters had an eccentricity below 2.1e-3, but one in
+  eight had more than 6e-3. For the latter the prior ``geo`` is wrong, which only a longer arc
+  shows.
 """
 
 from collections.abc import Mapping
@@ -28,7 +30,7 @@ from rsoconsole.sky import IntArray
 
 PriorName = Literal["auto", "none", "slot", "geo", "meo"]
 AUTOMATIC: tuple[PriorName, ...] = ("slot", "geo", "meo")
-"""Regimes that ``auto`` tries, in this order."""
+"""Priors that ``auto`` tries, in this order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,20 +38,20 @@ class Regime:
     """A kind of orbit: its range of semi-major axes, and the prior for it."""
 
     words: str
-    """Words for the prior."""
+    """Text for the prior, as a label's reason quotes it."""
     prior: Prior
     lowest_a_km: float
     highest_a_km: float
     highest_i_deg: float = 180.0
-    """Largest inclination, along GCRS axes, from whose equator that of date is 0.15 deg off."""
+    """Largest inclination to the GCRS equator, deg; the equator of date is 0.15 deg off it."""
 
     @property
     def dimensions(self) -> int:
-        """Number of quantities that the prior constrains."""
+        """Number of quantities that the prior constrains: 2 of the eccentricity, 1 of the axis."""
         return 2 if self.prior.a_km is None else 3
 
     def holds(self, state: State) -> bool:
-        """True where an orbit is of this kind."""
+        """True where a state's semi-major axis and inclination are in this regime."""
         a_km, i_deg = axis_and_inclination(*state)
         return self.lowest_a_km <= a_km <= self.highest_a_km and i_deg <= self.highest_i_deg
 
@@ -81,11 +83,11 @@ REGIMES: Mapping[str, Regime] = {
 Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
 
 FREE_SIGMA_A_KM = 100.0
-"""Largest sigma of the semi-major axis of an orbit labelled ``free``."""
+"""Largest sigma of the semi-major axis, km, of an orbit labelled ``free``."""
 CONSTRAINED_SIGMA_A = 0.03
 """Largest relative sigma of the semi-major axis of an orbit labelled ``constrained by prior``."""
 WIDEST_RANGE = 0.3
-"""Relative sigma of the range from which on an orbit is ``not observable``."""
+"""Relative sigma of the range from which on an orbit is labelled ``not observable``."""
 _SURPRISE = {2: 11.83, 3: 14.16}
 """Chi-square above which a prior of that dimension is contradicted: three sigma."""
 _MUCH = 2.5
@@ -93,8 +95,10 @@ _MUCH = 2.5
 
 
 def widened_covariance(found: Fit) -> FloatArray:
-    """Covariance (6, 6), widened where directions scatter more than their sigmas; never
-    narrowed."""
+    """Covariance (6, 6) of a fit, widened where the directions scatter more than their sigmas.
+
+    The factor is chi-square over the degrees of freedom; the covariance is never narrowed.
+    """
     from scipy.special import chdtri
 
     dof = found.degrees_of_freedom
@@ -106,7 +110,10 @@ def widened_covariance(found: Fit) -> FloatArray:
 def label_of(
     seen: MeasuredDirections, found: Fit, prior: PriorName, rivals: int
 ) -> tuple[Label, str]:
-    """Label of an orbit, and the reason in words."""
+    """Label of an orbit, and the reason in words.
+
+    ``rivals``: number of other orbits that fit as well.
+    """
     doubt = _doubt(seen, found, prior, rivals)
     if doubt is not None:
         return doubt
@@ -119,7 +126,7 @@ def label_of(
 
 
 def is_of_its_regime(found: Fit, regime: Regime) -> bool:
-    """True where the orbit is where its prior applies, and does not contradict it."""
+    """True where the fitted orbit is in the regime and does not contradict its prior."""
     limit = _SURPRISE[regime.dimensions]
     return regime.holds((found.r_km, found.v_km_s)) and found.prior_chi2 < limit
 
@@ -156,19 +163,19 @@ def _relative_sigma_of_range(seen: MeasuredDirections, found: Fit, covariance: F
 
 
 def semi_major_axis_sigma_km(state: State, covariance: FloatArray) -> float:
-    """Formal sigma of the semi-major axis."""
+    """Sigma of the semi-major axis, km, by the covariance (6, 6) of a state."""
     _, slope = semi_major_axis(*state)
     return float(np.sqrt(max(float(slope @ covariance @ slope), 0.0)))
 
 
 def eccentricity_sigma(state: State, covariance: FloatArray) -> float:
-    """Formal sigma of the eccentricity vector, all its components together."""
+    """Sigma of the eccentricity vector, the root of its three variances' sum."""
     _, slopes = eccentricity_vector(*state)
     return float(np.sqrt(max(float(np.trace(slopes @ covariance @ slopes.T)), 0.0)))
 
 
 GAP_S = 1800.0
-"""Pause between directions that ends a pass."""
+"""Gap between directions that ends a pass, s."""
 _SURE = 0.02
 """Largest sigma of a place over its distance from the Earth's centre at which revolutions are
 counted without error."""
@@ -180,7 +187,11 @@ _SIGMAS = 3.0
 
 
 def passes(seen: MeasuredDirections) -> tuple[IntArray, ...]:
-    """Indices of each pass: the longest first, then by nearness to it in time."""
+    """Split directions into passes: the indices of each, the longest pass first.
+
+    The others follow in order of their distance in time from the first. A pass ends with a gap of
+    ``GAP_S``.
+    """
     ends = np.flatnonzero(np.diff(seen.t_s) > GAP_S) + 1
     groups = [np.asarray(each, np.int64) for each in np.split(np.arange(len(seen)), ends)]
     first = max(groups, key=lambda each: (len(each) >= 3, _span_s(seen, each), len(each)))
@@ -191,7 +202,10 @@ def passes(seen: MeasuredDirections) -> tuple[IntArray, ...]:
 
 
 def is_as_predicted(state: State, covariance: FloatArray, later: MeasuredDirections) -> bool:
-    """True where an orbit predicts the other pass well enough that no revolution is miscounted."""
+    """True where an orbit predicts another pass so well that no revolution is miscounted.
+
+    ``later``: the directions of that pass.
+    """
     distance, _, sigma_km = _weakest(state, covariance, later)
     return sigma_km < _SURE * distance
 
@@ -201,8 +215,9 @@ def starting_states_for_pass(
 ) -> tuple[State, ...]:
     """States at the epoch along the line on which an orbit is least known, three sigma either way.
 
-    Enough that one of them is near the truth whatever the number of revolutions up to the other
-    pass. Source: line of variations, Milani et al. 2005, Astronomy & Astrophysics 431, 729.
+    They lie so close together that one of them is near the truth, whatever the number of
+    revolutions up to the pass ``later``. Source: line of variations, Milani et al. 2005, Astronomy
+    & Astrophysics 431, 729.
     """
     distance, step, sigma_km = _weakest(state, covariance, later)
     if not np.isfinite(sigma_km):
@@ -216,8 +231,10 @@ def starting_states_for_pass(
 def _weakest(
     state: State, covariance: FloatArray, later: MeasuredDirections
 ) -> tuple[float, FloatArray, float]:
-    """Distance (km) at the other pass, the step (6,) of the state to one sigma there, and that
-    sigma (km)."""
+    """Distance (km) at the other pass, and the largest sigma there with its step of the state.
+
+    The step (6,) moves the object by one sigma (km).
+    """
     with np.errstate(all="ignore"):
         r, _, slopes = propagate_with_slopes(*state, later.t_s[:1])
         spread = slopes[0] @ covariance @ slopes[0].T

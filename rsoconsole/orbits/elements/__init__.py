@@ -1,1 +1,1 @@
-"""Element sets: read, checked, propagated by SGP4, and fitted to an orbit that was found."""
+"""Element sets: read, checked, propagated by SGP4, and fitted to a determined orbit."""

@@ -41,8 +41,10 @@ _OF_TWO_LINES = {
 """Fields that an OMM may omit, with the values that SGP4 gets instead."""
 _MAX_ALPHA_5 = 339_999
 MAX_SETS = 200_000
-"""Largest number of element sets in one text: three times all ever catalogued; more take
-minutes."""
+"""Largest number of element sets in one text; more would take minutes.
+
+Three times the number of objects ever catalogued.
+"""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
 
@@ -67,7 +69,7 @@ class CatalogueEntry:
 
 
 def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntry, ...]:
-    """Parse every element set of a text, whatever its format.
+    """Parse all element sets of a text: two lines, or OMM as XML, JSON or CSV.
 
     Raises OrbitError, naming ``source`` and the line or the object, for a text that cannot be read
     and for one without any element set.
@@ -91,7 +93,10 @@ def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntr
 def nearest_in_epoch_of_each(
     entries: Iterable[CatalogueEntry], t_utc_ns: int
 ) -> tuple[CatalogueEntry, ...]:
-    """One entry for each object, the nearest in epoch, in order of catalogue number."""
+    """For each object the element set nearest in epoch to an instant.
+
+    In order of catalogue number.
+    """
     best: dict[int, CatalogueEntry] = {}
     for each in entries:
         rival = best.get(each.norad_id)
@@ -120,16 +125,20 @@ def states_gcrs(
 def _in_gcrs(
     t_utc_ns: IntArray, failed: IntArray, r_teme: FloatArray, v_teme: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Rotate SGP4's positions and velocities (..., N, 3) to GCRS axes; NaN where it failed (...,
-    N)."""
+    """Rotate SGP4's positions and velocities (..., N, 3) to GCRS axes.
+
+    NaN where SGP4 failed (..., N).
+    """
     rotation, is_good = teme_to_gcrs_rotation(t_utc_ns), (failed == 0)[..., None]
     r, v = (np.einsum("nij,...nj->...ni", rotation, each) for each in (r_teme, v_teme))
     return np.where(is_good, r, np.nan), np.where(is_good, v, np.nan)
 
 
 def places_of(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> Places:
-    """Places of one object at instants (N,), as a plate solution measures them; NaN where SGP4
-    fails."""
+    """Places of one object at instants (N,), as a plate solution measures them.
+
+    NaN where SGP4 fails.
+    """
 
     def position_of(at: IntArray) -> tuple[FloatArray, FloatArray]:
         r, v = states_gcrs((entry,), at)
@@ -222,15 +231,15 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
 
 
 LISTED = 8
-"""Number of candidates that an error lists."""
+"""Number of candidates that an error message lists."""
 
 
 def find_object(entries: Sequence[CatalogueEntry], wanted: str) -> tuple[CatalogueEntry, ...]:
     """Find every element set of one object by its number or name.
 
-    A number is a catalogue number; a name may be a part of the catalogued one, case and punctuation
-    ignored, if it fits one object only. Raises OrbitError that lists the candidates of an ambiguous
-    name, and the nearest names to an unknown one.
+    ``wanted``: a catalogue number, or a name. A part of the catalogued name is enough, case and
+    punctuation ignored, if it fits one object only. Raises OrbitError for an ambiguous name
+    (listing the candidates) and for an unknown one (listing the nearest names).
     """
     text = wanted.strip()
     if text.isdecimal():
@@ -279,8 +288,8 @@ STANDARD_RANGE_KM = 36_000.0
 class Satellite:
     """SGP4 for one element set, with places as a plate solution measures them.
 
-    Raises OrbitError where SGP4 refuses the elements. Instants at which SGP4 fails (decayed)
-    come out as NaN.
+    Raises OrbitError where SGP4 refuses the elements. At instants for which SGP4 fails (decayed)
+    all results are NaN.
     """
 
     def __init__(
@@ -308,11 +317,11 @@ class Satellite:
         return _in_gcrs(t, failed, r_teme, v_teme)
 
     def astrometric_place(self, site: Site, t_utc_ns: IntArray) -> Places:
-        """Places, ranges and rates at instants (N,): the predictions for measured directions."""
+        """Places, ranges and rates at instants (N,), to compare with measured directions."""
         return astrometric_places(self.position_gcrs, site, t_utc_ns)
 
     def magnitude(self, places: Places) -> FloatArray:
-        """Magnitudes (N,) of a diffuse sphere at the places; inf in the umbra."""
+        """Magnitudes (N,) of a diffuse sphere at these places; inf in the umbra."""
         lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
         phase = phase_angle_deg(places.position_gcrs_km, places.site_gcrs_km, places.t_utc_ns)
         return magnitude(self.standard_magnitude, places.range_km, phase, lit)
@@ -324,7 +333,11 @@ def magnitude(
     phase_angle_deg: FloatArray,
     lit_fraction: FloatArray,
 ) -> FloatArray:
-    """Magnitude of a diffuse (Lambert) sphere, ``standard_magnitude`` full at 36,000 km."""
+    """Magnitude of a diffuse (Lambert) sphere.
+
+    ``standard_magnitude``: at full phase and 36,000 km. ``lit_fraction``: share of the sunlight
+    that reaches it, 0 in the umbra to 1.
+    """
     phase = np.radians(phase_angle_deg)
     shine = ((np.pi - phase) * np.cos(phase) + np.sin(phase)) / np.pi * lit_fraction
     with np.errstate(divide="ignore"):

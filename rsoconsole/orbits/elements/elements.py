@@ -14,7 +14,7 @@ from rsoconsole.words import NS_PER_DAY
 
 _LINE_LENGTH = 69
 ALPHA_5 = "ABCDEFGHJKLMNPQRSTUVWXYZ"
-"""First digits of catalogue numbers from 100,000 on: 10 is A, without I and O."""
+"""First characters of catalogue numbers from 100,000 on: A stands for 10; no I and no O."""
 _WORTH = bytes(
     "0123456789".find(chr(c)) if c in b"0123456789" else c == ord("-") for c in range(256)
 )
@@ -24,10 +24,10 @@ _EPOCH = re.compile(r"([ \d]\d)([ \d]{3}\.[ \d]{8})")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementSet:
-    """One element set as published; SGP4 reads the two lines themselves."""
+    """One two-line element set as published; SGP4 reads the two lines themselves."""
 
     name: str
-    """Name from the line above; empty without one."""
+    """Name from the line above the two; empty where there is none."""
     norad_id: int
     epoch_utc_ns: int
     line_1: str
@@ -37,8 +37,8 @@ class ElementSet:
 def parse_elements(text: str, source: str = "element sets") -> tuple[ElementSet, ...]:
     """Parse every element set of a text with or without name lines, in order.
 
-    Blank lines and lines that start with '#' are passed over. Raises OrbitError naming
-    ``source`` and the line for a wrong checksum, a lone line or an unreadable field.
+    Blank lines and lines that start with '#' are skipped. Raises OrbitError naming ``source`` and
+    the line for a wrong checksum, a lone line or an unreadable field.
     """
     found: list[ElementSet] = []
     name = ""
@@ -58,7 +58,10 @@ def parse_elements(text: str, source: str = "element sets") -> tuple[ElementSet,
 
 
 def checksum(line: str) -> int:
-    """Last digit of the sum of the first 68 columns: digits as they are, '-' as 1."""
+    """Checksum of a line: last digit of the sum over its first 68 columns.
+
+    Digits count as they are, '-' counts 1, anything else 0.
+    """
     body = line[: _LINE_LENGTH - 1].encode("ascii", errors="replace")
     return sum(body.translate(_WORTH)) % 10
 
@@ -71,8 +74,10 @@ def _numbered(text: str) -> Iterator[tuple[int, str]]:
 
 
 def _is_line(line: str, kind: str) -> bool:
-    """True for a whole line of elements; a name may start with a digit too, so its columns
-    count."""
+    """True for a whole line of elements, by its columns.
+
+    A name may start with a digit too.
+    """
     return line.startswith(kind + " ") and len(line) > 40
 
 

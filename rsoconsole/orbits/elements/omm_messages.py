@@ -1,7 +1,7 @@
 """Orbit Mean-Elements Messages, as KVN, XML or JSON. Pure.
 
-Source: CCSDS 502.0-B-3 and 505.0-B-3; JSON with the keywords as CelesTrak and Space-Track write
-it. Numbers have all their digits, so that an OMM is finer than two lines.
+Source: CCSDS 502.0-B-3 and 505.0-B-3; JSON with the keywords as CelesTrak and Space-Track write it.
+Numbers are written with all their digits, more than two lines have room for.
 """
 
 import json
@@ -17,7 +17,7 @@ Form = Literal["kvn", "xml", "json"]
 
 
 def omm(elements: MeanElements, *, created_utc_ns: int, form: Form = "kvn") -> str:
-    """Write one message."""
+    """Write elements as one Orbit Mean-Elements Message, in the given form."""
     header = {"CREATION_DATE": _time(created_utc_ns), "ORIGINATOR": ORIGINATOR}
     comment = f"SGP4 elements fitted to directions, {elements.rms_arcsec:.2f} arcsec rms"
     parts = {

@@ -1,11 +1,12 @@
 """SGP4 elements fitted to an orbit and its directions, for catalogues and other programs. Pure.
 
-Two-line elements are no orbit at an instant but the constants of a theory, so they are fitted as
-such: to the directions, so that what SGP4 leaves out is spread over the nights that were seen, and
-lightly to the orbit found from them over one revolution at least, which holds the elements where
-directions do not reach (two short passes at one hour of the night determine the eccentricity
-poorly). Drag is fitted where the directions determine it. Source: Vallado & Crawford 2008, SGP4
-orbit determination, AIAA 2008-6770; equinoctial elements, which no circle and no equator spoils.
+Two-line elements are the constants of a theory, not an orbit at an instant, and are fitted as such:
+to the directions, so that forces without a term in SGP4 are spread over the nights that were seen,
+and lightly to the orbit determined from the directions, over one revolution at least. The orbit
+fixes the elements where the directions determine them poorly (the eccentricity by two short passes
+at one hour of the night). Drag is fitted where the directions determine it. Source: Vallado &
+Crawford 2008, SGP4 orbit determination, AIAA 2008-6770; equinoctial elements, which stay regular
+for circular and for equatorial orbits.
 """
 
 from collections.abc import Callable
@@ -24,9 +25,9 @@ from rsoconsole.sky import IntArray, jd_utc, teme_to_gcrs_rotation
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 ANALYST_NUMBERS = range(80_000, 90_000)
-"""Catalogue numbers that the catalogue itself reserves for objects without a name."""
+"""Catalogue numbers that the catalogue reserves for objects without a name."""
 TLE_STEP_NS = 864_000
-"""Step of an epoch in two lines, a hundred millionth of a day; an OMM gives it as exactly."""
+"""Step of an epoch in two lines, 1e-8 day; an OMM gives the same epoch exactly."""
 MU_WGS72_KM3_S2 = 398_600.8
 _SGP4_EPOCH_DAYS = 7_306
 """Days from 1949-12-31 to 1970-01-01."""
@@ -44,7 +45,7 @@ _KNOWN_DRAG = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanElements:
-    """Constants of SGP4 (TEME, WGS-72); degrees, revolutions a day."""
+    """Mean elements of SGP4 (TEME, WGS-72); angles in degrees, mean motion in revolutions a day."""
 
     name: str = "UNKNOWN"
     norad_id: int = ANALYST_NUMBERS.start
@@ -56,15 +57,17 @@ class MeanElements:
     argp_deg: float
     m_deg: float
     bstar: float
-    """Drag term, per Earth radius; 0 where it is unknown."""
+    """Drag term B*, per Earth radius; 0 where it is unknown."""
     rms_arcsec: float = 0.0
     """RMS residual of the used directions, per axis, arcsec."""
     cospar: str = ""
     """International designator, as ``2009-064A``; empty where it is unknown."""
 
     def record(self) -> Any:
-        """Return the record that SGP4 propagates. Raises OrbitError where SGP4 refuses the
-        elements."""
+        """Return the record that SGP4 propagates.
+
+        Raises OrbitError where SGP4 refuses the elements.
+        """
         from sgp4.api import WGS72, Satrec
 
         record = Satrec()
@@ -81,8 +84,11 @@ class MeanElements:
         return record
 
     def rounded(self) -> "MeanElements":
-        """Round the elements to the digits of two lines; the mean anomaly makes up for the
-        angles."""
+        """Round the elements to the digits of two lines.
+
+        The mean anomaly makes up for the rounding of node and perigee, so that the place in the
+        orbit stays.
+        """
         raan, argp = round(self.raan_deg, 4) % 360.0, round(self.argp_deg, 4) % 360.0
         anomaly = self.raan_deg + self.argp_deg + self.m_deg - raan - argp
         return replace(
@@ -96,9 +102,9 @@ class MeanElements:
         )
 
     def element_set(self) -> ElementSet:
-        """Return the two lines, and the name above them.
+        """Return the elements as two lines with a name line.
 
-        Raises OrbitError for a catalogue number that they have no room for.
+        Raises OrbitError for a catalogue number that two lines have no room for.
         """
         from sgp4.exporter import export_tle
 
@@ -118,10 +124,10 @@ def mean_elements(
     norad_id: int = ANALYST_NUMBERS.start,
     name: str = "UNKNOWN",
 ) -> MeanElements:
-    """Fit elements to an orbit and the directions that it was found from, at the last of these.
+    """Fit elements to an orbit and the directions that it was determined from.
 
-    ``norad_id``: one of `ANALYST_NUMBERS` for an object without a name. Raises OrbitError where
-    SGP4 knows no such orbit (unbound, or come down).
+    Their epoch is the last direction's. ``norad_id``: one of `ANALYST_NUMBERS` for an object
+    without a name. Raises OrbitError where SGP4 knows no such orbit (unbound, or decayed).
     """
     epoch = int(seen.t_utc_ns[-1]) // TLE_STEP_NS * TLE_STEP_NS
     with np.errstate(all="ignore"):

@@ -1,7 +1,8 @@
 """Paths of catalogued objects on the sky, ahead of their elements or behind them. Pure.
 
-An object that is ``ahead``, in seconds, is now where its elements put it that much later, seen
-from where the site is now. Unit vectors along ICRS axes; directions as a plate measures them.
+A lead, in seconds, states how far: an object with a lead of 10 s is now where its elements put it
+10 s later, seen from where the site is now; a lead below 0 is a lag. Unit vectors along ICRS axes;
+directions as a plate measures them.
 """
 
 from dataclasses import dataclass
@@ -16,14 +17,14 @@ from rsoconsole.words import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ObjectPlaces:
-    """M objects at L leads; arrays (M, L, ...), NaN where SGP4 fails."""
+    """Places of M objects, each at L leads over its elements; NaN where SGP4 fails."""
 
     u: FloatArray
     """Unit vectors (M, L, 3) from the site."""
     by_lead: FloatArray
-    """Change (M, L, 3) of u by a second of lead, rad/s."""
+    """Change (M, L, 3) of ``u`` for each second of lead, rad/s."""
     by_time: FloatArray
-    """Change (M, L, 3) of u in a second, rad/s."""
+    """Change (M, L, 3) of ``u`` for each second of time, rad/s."""
     range_km: FloatArray
     r_km: FloatArray
     """Positions (M, L, 3), GCRS."""
@@ -31,7 +32,7 @@ class ObjectPlaces:
 
 
 class Observer:
-    """A site at one instant."""
+    """A site at one instant, from which catalogued objects are seen."""
 
     def __init__(self, site: Site, t_utc_ns: int) -> None:
         self._t_utc_ns = t_utc_ns
@@ -43,7 +44,7 @@ class Observer:
         self._rotation = teme_to_gcrs_rotation(at)[0]
 
     def seen(self, satellites: SatrecArray, lead_s: FloatArray) -> ObjectPlaces:
-        """Places of objects at leads (L,)."""
+        """Places of M objects at leads (L,), in seconds, seen at this instant."""
         t = self._t_utc_ns + np.rint(np.asarray(lead_s) * NS_PER_S).astype(np.int64)
         jd_1, jd_2 = jd_utc(t)
         failed, r_teme, v_teme = satellites.sgp4(
@@ -68,7 +69,7 @@ class Observer:
 
 
 class Exposure:
-    """A site while the shutter is open: at its opening, its middle and its closing."""
+    """A site at three instants of an exposure: its opening, its middle and its closing."""
 
     def __init__(self, site: Site, t_mid_utc_ns: int, exposure_s: float) -> None:
         self.t_mid_utc_ns, self.exposure_s = t_mid_utc_ns, exposure_s
@@ -80,7 +81,7 @@ class Exposure:
     def three(
         self, satellites: SatrecArray, lead_s: FloatArray
     ) -> tuple[ObjectPlaces, ObjectPlaces, ObjectPlaces]:
-        """Places of objects at leads (L,): opening, middle, closing."""
+        """Places of objects at leads (L,): at the opening, the middle and the closing."""
         opening, middle, closing = (
             each.seen(satellites, lead_s) for each in (self.opening, self.middle, self.closing)
         )
@@ -90,7 +91,10 @@ class Exposure:
 def streak_path(
     opening: FloatArray, middle: FloatArray, closing: FloatArray, parts: int
 ) -> FloatArray:
-    """Unit vectors (..., parts, 3) at even steps of an exposure, by its three of (..., 3)."""
+    """Unit vectors (..., parts, 3) at even steps of time through an exposure.
+
+    On a parabola through those at its opening, middle and closing, (..., 3) each.
+    """
     at = np.linspace(-1.0, 1.0, parts)[:, None]
     before, now, after = (each[..., None, :] for each in (opening, middle, closing))
     path = now + 0.5 * at * (after - before) + 0.5 * at**2 * (after + before - 2.0 * now)

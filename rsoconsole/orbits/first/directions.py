@@ -1,8 +1,9 @@
 """Directions of one object, reduced for the fit of an orbit. Pure.
 
 A plate solution measures astrometric places: relative to stars whose annual aberration is taken
-out. The satellite rides with the Earth, so u = r(t - tau) - r_site(t) - v_earth tau points where
-the plate says; everything in it but the orbit is computed once, here. Kilometres along ICRS axes.
+out. The satellite moves with the Earth, so u = r(t - tau) - r_site(t) - v_earth tau, with the light
+time tau, points where the plate says. Every term except the orbit r is computed once, here.
+Kilometres along ICRS axes.
 """
 
 from collections.abc import Iterator
@@ -30,39 +31,41 @@ from rsoconsole.words import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MeasuredDirections:
-    """N directions in order of time, each with its site's place; every array starts with N."""
+    """N measured directions in order of time, with the site at each; every array starts with N."""
 
     t_utc_ns: IntArray
     t_s: FloatArray
     """Times (N,) since the epoch, seconds."""
     epoch_utc_ns: int
-    """Epoch of the orbit: the instant of the sighting nearest to the middle of them."""
+    """Epoch of the orbit: the instant of the direction nearest to the middle of the time span."""
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     whitening: FloatArray
-    """Whitening matrices (N, 2, 2): a residual (d alpha cos delta, d delta) in arcsec to unit
-    variances."""
+    """Matrices (N, 2, 2) that turn residuals in arcsec into uncorrelated ones of unit variance.
+
+    A residual is (d alpha cos delta, d delta).
+    """
     sites_km: FloatArray
     """Positions (N, 3) of the sites, GCRS."""
     sites_km_s: FloatArray
     earth_km_s: FloatArray
-    """Velocities (N, 3) of the Earth's centre about the barycentre."""
+    """Velocities (N, 3) of the Earth's centre about the solar system's barycentre."""
     lines: FloatArray
-    """Unit vectors (N, 3) from site to object, freed of the Earth's motion."""
+    """Unit vectors (N, 3) from site to object, the effect of the Earth's motion taken out."""
     east: FloatArray
-    """Unit vectors (N, 3) to the east on the sky, at the measured direction."""
+    """Unit vectors (N, 3) to the east on the sky, at the measured directions."""
     north: FloatArray
     towards: FloatArray
-    """Unit vectors (N, 3) of the measured directions."""
+    """Unit vectors (N, 3) of the measured directions themselves."""
 
     def __len__(self) -> int:
         return len(self.t_s)
 
     def residuals_arcsec(self, positions_km: FloatArray) -> FloatArray:
-        """Residuals (..., N, 2), measured minus predicted on the sky, for places (..., N, 3) at t -
-        tau.
+        """Residuals (..., N, 2), measured minus predicted on the sky, of positions (..., N, 3).
 
-        On the tangent plane of the measured direction.
+        East and north, on the tangent plane of each measured direction. The positions are those at
+        t - tau, when the light left the object.
         """
         u = positions_km - self.sites_km
         tau_s = np.sqrt(np.sum(u * u, axis=-1, keepdims=True)) / LIGHT_KM_S
@@ -74,8 +77,10 @@ class MeasuredDirections:
         return np.asarray(-off / depth[..., None] / ARCSEC_RAD)
 
     def residual_slopes(self, positions_km: FloatArray) -> FloatArray:
-        """Slopes (N, 2, 3) of residuals by the places (N, 3), arcsec/km, without the Earth's
-        motion."""
+        """Slopes (N, 2, 3) of the residuals by the positions (N, 3), arcsec/km.
+
+        They neglect the Earth's motion.
+        """
         u = positions_km - self.sites_km
         ahead = np.sum(u * self.towards, axis=-1)
         depth = np.maximum(ahead, 0.05 * np.sqrt(np.sum(u * u, axis=-1)))[:, None]
@@ -86,7 +91,7 @@ class MeasuredDirections:
         return np.stack(slopes, axis=-2) / ARCSEC_RAD
 
     def of(self, chosen: npt.NDArray[Any]) -> "MeasuredDirections":
-        """The chosen directions, about the same epoch."""
+        """The chosen directions (a mask or indices), with the same epoch."""
         arrays = {
             each.name: getattr(self, each.name)[chosen]
             for each in fields(self)
@@ -95,11 +100,11 @@ class MeasuredDirections:
         return replace(self, **arrays)
 
     def whitened(self, residuals_arcsec: FloatArray) -> FloatArray:
-        """Residuals (..., N, 2) in units of their own sigma, without correlation."""
+        """Residuals (..., N, 2) in units of their own sigma, with correlations removed."""
         return np.asarray(np.einsum("nij,...nj->...ni", self.whitening, residuals_arcsec))
 
     def light_times_s(self, positions_km: FloatArray) -> FloatArray:
-        """Light times (..., N) from places (..., N, 3) to the site."""
+        """Light times (..., N) from positions (..., N, 3) to the site."""
         return np.asarray(np.linalg.norm(positions_km - self.sites_km, axis=-1) / LIGHT_KM_S)
 
 
@@ -110,10 +115,11 @@ def reduce_directions(
     dec_icrs_deg: FloatArray,
     cov_sky_arcsec2: FloatArray,
 ) -> MeasuredDirections:
-    """Reduce N measured directions; ``cov_sky_arcsec2`` (N, 3): east-east, east-north, north-north.
+    """Reduce N measured directions of one object for the fit of its orbit.
 
-    Put into order of time. Raises ValueError for a covariance that is none and for a direction
-    that is no number.
+    ``cov_sky_arcsec2`` (N, 3): east-east, east-north, north-north. The result is in order of time.
+    Raises ValueError for a covariance that is not positive definite and for a direction that is not
+    a number.
     """
     if not (np.all(np.isfinite(ra_icrs_deg)) and np.all(np.isfinite(dec_icrs_deg))):
         raise ValueError("a direction is not a number")
@@ -154,25 +160,31 @@ def _whitening(cov: FloatArray) -> FloatArray:
 State = tuple[FloatArray, FloatArray]
 """Position (3,) km and velocity (3,) km/s at the epoch, along ICRS axes."""
 LOWEST_KM = 6_478.0
-"""Lowest perigee of an orbit that lasts, from the Earth's centre."""
+"""Lowest perigee of an orbit that lasts, from the Earth's centre, km."""
 _RADII_KM = np.geomspace(6_500.0, 400_000.0, 160)
 
 
 INWARD = (0.0, 0.1, 0.2)
-"""Shares of the directions to leave out at either end: a wild one spoils the orbits through it."""
+"""Shares of the directions to leave out at either end, to be tried in turn.
+
+One wild direction at an end spoils the first orbits through it.
+"""
 
 
 def seeds(seen: MeasuredDirections, inward: float = 0.0) -> tuple[State, ...]:
-    """Plausible starts at the epoch: Gooding's orbits first, then circles.
+    """Plausible starting states at the epoch: Gooding's orbits first, then circular orbits.
 
-    ``inward``: the share of the directions that is passed over at either end (`INWARD`).
+    ``inward``: the share of the directions that is left out at either end (`INWARD`).
     """
     return (*_by_gooding(seen, inward), *_circles(seen, inward))
 
 
 def three_sight_lines(seen: MeasuredDirections, inward: float = 0.0) -> Lines:
-    """Three lines of sight far apart, at the time of the light; several choices of the middle
-    one."""
+    """Choose three lines of sight far apart in time.
+
+    ``inward``: the share of the directions that is left out at either end; it also moves the middle
+    line to a later one, so that each share gives another choice.
+    """
     first, last = _ends(seen, inward)
     span_s = seen.t_s[last] - seen.t_s[first]
     middle = int(np.argmin(np.abs(seen.t_s - seen.t_s[first] - (0.5 + inward / 2.0) * span_s)))
@@ -189,7 +201,10 @@ def _ends(seen: MeasuredDirections, inward: float) -> tuple[int, int]:
 
 
 def state_at_line_epoch(orbit: GoodingOrbit, lines: Lines) -> State:
-    """State of an orbit through three lines at the epoch of their times."""
+    """State of an orbit through three lines of sight, at time 0 of these lines.
+
+    Allows for the light time of the middle line.
+    """
     # The light of the middle line left so much earlier.
     since = -lines.t_s[1] + orbit.ranges_km[1] / LIGHT_KM_S
     return propagate(orbit.r_km, orbit.v_km_s, since)
@@ -235,7 +250,7 @@ def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> Floa
 
 
 def is_plausible(r: FloatArray, v: FloatArray) -> bool:
-    """True for a bound orbit that is above the air all the way round."""
+    """True for a bound orbit that stays above the air all the way round."""
     radius = float(np.linalg.norm(r))
     energy = float(v @ v) / 2.0 - MU_EARTH_KM3_S2 / radius
     if energy >= 0.0:
@@ -248,7 +263,11 @@ def is_plausible(r: FloatArray, v: FloatArray) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineOfSight:
-    """A moving line of sight, and the six unknowns of an orbit fit relative to it."""
+    """A moving line of sight, and the six unknowns of an orbit fit relative to it.
+
+    Unknowns: two offsets of the direction, their rates, logarithm of the range, relative rate of
+    the range.
+    """
 
     site_km: FloatArray
     """Position (3,) of the site."""
@@ -259,7 +278,7 @@ class LineOfSight:
 
     @classmethod
     def through(cls, state: State, site_km: FloatArray, site_km_s: FloatArray) -> "LineOfSight":
-        """Line of sight from a site through a state."""
+        """Line of sight from a moving site through the position of a state."""
         towards = state[0] - site_km
         towards = towards / np.linalg.norm(towards)
         east = np.cross([0.0, 0.0, 1.0] if abs(towards[2]) < 0.999 else [1.0, 0.0, 0.0], towards)
@@ -273,7 +292,7 @@ class LineOfSight:
         )
 
     def unknowns(self, state: State) -> FloatArray:
-        """Unknowns (6,) of a state on the line itself."""
+        """Unknowns (6,) of a state whose position is on the line itself."""
         u = state[0] - self.site_km
         distance = float(np.linalg.norm(u))
         rates = (state[1] - self.site_km_s) / distance
@@ -281,7 +300,7 @@ class LineOfSight:
         return np.array([0.0, 0.0, *turn, np.log(distance), rates @ self.towards])
 
     def state(self, unknowns: FloatArray) -> State:
-        """Position and velocity (3,) of unknowns (6,)."""
+        """State for unknowns (6,): position (3,) and velocity (3,)."""
         line, _ = self._line(unknowns)
         turn = unknowns[2] * self.east + unknowns[3] * self.north
         distance = np.exp(unknowns[4])
@@ -291,7 +310,7 @@ class LineOfSight:
         )
 
     def slopes(self, unknowns: FloatArray) -> FloatArray:
-        """Slopes (6, 6) of position and velocity by the unknowns."""
+        """Slopes (6, 6) of a state's position and velocity by the unknowns."""
         line, size = self._line(unknowns)
         turn = unknowns[2] * self.east + unknowns[3] * self.north
         distance, rate = np.exp(unknowns[4]), unknowns[5]

@@ -43,7 +43,7 @@ class Lines:
     """Three lines of sight at three instants, in order of time."""
 
     t_s: FloatArray
-    """Times (3,) since any epoch."""
+    """Times (3,) in seconds since any epoch."""
     sites_km: FloatArray
     """Positions (3, 3) of the sites."""
     directions: FloatArray
@@ -52,10 +52,10 @@ class Lines:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GoodingOrbit:
-    """One orbit through the three lines."""
+    """One orbit through three lines of sight."""
 
     r_km: FloatArray
-    """Position (3,) at the middle instant."""
+    """Position (3,) at the middle instant; ``v_km_s`` is the velocity."""
     v_km_s: FloatArray
     ranges_km: FloatArray
     """Ranges (3,) from the sites."""
@@ -116,12 +116,12 @@ class _Searches:
 
 
 def gooding(lines: Lines, *, mu: float = MU_EARTH_KM3_S2) -> tuple[GoodingOrbit, ...]:
-    """Find the orbits through the three lines; none where there is none.
+    """Find the orbits through the three lines; an empty tuple where there is none.
 
-    Both directions of motion are tried, less than a revolution from the first line to the last,
-    from each distance in ``_STARTS_KM``. Orbits that dive below the Earth's surface between the
-    lines are kept: the caller knows what is possible. Several orbits through three lines are
-    common.
+    Searches both directions of motion, with less than a revolution from the first line to the last,
+    from each distance in ``_STARTS_KM``. The result includes orbits that pass below the Earth's
+    surface between the lines: the caller decides what is possible. Several orbits through three
+    lines are common.
     """
     begun = np.array([_ranges_at(lines, radius) for radius in _STARTS_KM])
     searches = _Searches(

@@ -30,12 +30,13 @@ def lambert(
     revolutions: npt.ArrayLike = 0,
     is_left: npt.ArrayLike = False,
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocities (..., 3) at the places ``r1_km`` and ``r2_km`` (..., 3); all broadcast.
+    """Velocities (..., 3) at two places of the conic that joins them in the time ``dt_s``.
 
-    ``is_retrograde``: whether the motion turns against the third axis, from which the transfer
-    angle follows. ``is_left``: of the two conics with that many whole ``revolutions`` the one with
-    the longer period; without a whole one there is one conic. NaN where there is none: too short a
-    time for the revolutions, or places on one line with the centre, which give no plane.
+    ``r1_km``, ``r2_km``: the places (..., 3); all arguments broadcast. ``is_retrograde``: whether
+    the motion turns against the third axis, which decides the transfer angle. ``revolutions``:
+    number of whole revolutions on the way; from one on there are two conics, and ``is_left``
+    chooses the one with the longer period. NaN where there is no conic: too short a time for the
+    revolutions, or places on one line with the centre, which give no plane.
     """
     r1, r2 = np.asarray(r1_km, float), np.asarray(r2_km, float)
     shape = np.broadcast_shapes(

@@ -17,18 +17,21 @@ _STEP = np.array([1e-2, 1e-2, 1e-2, 1e-6, 1e-6, 1e-6])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Population:
-    """A regime, as mixtures of normal distributions."""
+    """Distribution of the orbits of one regime, as mixtures of normal distributions."""
 
     a_km: tuple[tuple[float, float, float], ...]
-    """Semi-major axis: (share, mean, sigma)"""
+    """Semi-major axis: (share of the objects, mean, sigma) of each part, km."""
     sigma_e: float
     """One sigma of each component of the eccentricity vector."""
     inclination_deg: tuple[tuple[float, float], ...]
-    """Inclination: (share, sigma of each component of the inclination vector)"""
+    """Inclination: (share of the objects, sigma) of each part, deg.
+
+    The sigma is that of each component of the inclination vector.
+    """
     objects: float
-    """Number of objects above the horizon of one site."""
+    """Number of the regime's objects above the horizon of one site."""
     visible_rad: float = 2.2
-    """Span of mean longitude that is visible from one site."""
+    """Span of mean longitude visible from one site, rad."""
 
 
 POPULATIONS: dict[str, Population] = {
@@ -56,7 +59,7 @@ _MEO_KM = (18_000.0, 34_000.0)
 
 
 def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Population:
-    """The population of an orbit: by the prior of its fit, else by its size."""
+    """Population to which an orbit belongs: by the prior of its fit, or by its size and shape."""
     if prior in POPULATIONS:
         return POPULATIONS[prior]
     a, k, h, *_ = equinoctial(np.concatenate([r_km, v_km_s]))
@@ -67,11 +70,11 @@ def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Populatio
 
 
 def log_prior_density(population: Population, state: FloatArray, covariance: FloatArray) -> float:
-    """Logarithm of the density of orbits at a state (6,), per km^3 and (km/s)^3.
+    """Logarithm of a population's density at a state (6,), per km^3 and (km/s)^3.
 
-    The belief in a small eccentricity itself is left to the fit; only its size is in here.
-    The semi-major axis may be less certain than the population is wide: it is averaged over
-    ``covariance``.
+    The fit itself applies the prior on the eccentricity: only its normalisation is in here. The
+    density of the semi-major axis is averaged over the axis's uncertainty by ``covariance`` (6, 6),
+    which may exceed the width of the population.
     """
     slopes = _slopes(state)
     a, _, _, q, p, _ = equinoctial(state)
@@ -148,10 +151,10 @@ def orbit_path_bend(
     direction_icrs_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Bending of the path of any orbit through a direction with a rate (east, north).
+    """Bend of the sky paths of all orbits through a direction with a rate; None: no orbit passes.
 
-    Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and of turn for each length of
-    path; None: no orbit passes.
+    Mean (2,) and covariance (2, 2) of the change of speed (arcsec/s^2) and of the turn per length
+    of path (without unit). ``rate_arcsec_s``: east and north.
     """
     ra = np.radians(direction_icrs_deg[0])
     towards = direction_to_unit(*direction_icrs_deg)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from rsoconsole.records import FloatArray
 
 Assignment = tuple[int, ...]
-"""Column of each row; the last column of all means none."""
+"""Column that each row takes; the last column of all means none."""
 _MAX_STEPS = 4000
 """Largest number of steps of the search, after which the assignments found so far are the
 answer."""
@@ -21,15 +21,16 @@ _NO_CHOICE = -1e9
 def best_assignments(
     scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int, within: float = np.inf
 ) -> list[Assignment]:
-    """Find the ``most`` assignments with the largest sums of scores, best first, and never none at
-    all.
+    """Find the ``most`` assignments with the largest sums of scores, best first; at least one.
 
-    Where every two rows are rivals, none further below the best than ``within``.
+    ``scores`` (T, N + 1): logarithms; minus infinity forbids a column, the last column is "none"
+    and may be taken by any number of rows. ``rivals`` (T, T): True for rows that cannot take the
+    same column. ``within``: largest distance of a sum below the best, applied where every two rows
+    are rivals.
 
-    ``scores`` (T, N + 1): logarithms; minus infinity is no choice, the last column is "none" and
-    may be taken by any number of rows. ``rivals`` (T, T): rows that cannot take the same column.
-    Exact where every two rows are rivals (Murty 1968, Operations Research 16, 682); else but where
-    many thousand are nearly alike: then the best of those found are returned.
+    Exact where every two rows are rivals (Murty 1968, Operations Research 16, 682). The search for
+    all other cases is exact too unless many thousand assignments are nearly alike: then it returns
+    the best of those found.
     """
     others = rivals | np.eye(len(rivals), dtype=bool)
     if np.all(others):

@@ -26,7 +26,7 @@ _SLOWEST_RAD_S = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CatalogueResiduals:
-    """M objects against N directions, at the middle of them; arcsec and arcsec/s.
+    """Offsets of N directions from M objects, at the middle of the directions; arcsec, arcsec/s.
 
     D is 4 (along, across, and their rates), or 2 where all directions are of one instant.
     """
@@ -35,16 +35,21 @@ class CatalogueResiduals:
     offsets: FloatArray
     """Offsets (M, D), measured minus predicted."""
     covariance: FloatArray
-    """Covariance (M, D, D) of the measurement, widened where even the best object leaves more
-    scatter."""
+    """Covariances (M, D, D) of the measured offsets.
+
+    Widened where the directions scatter more than their sigmas even about the best object.
+    """
     by_errors: FloatArray
-    """Slopes (M, D, 6) by the errors of the elements, as ``element_errors`` counts them."""
+    """Slopes (M, D, 6) of the offsets by the errors of the elements.
+
+    Errors as in ``element_errors``: radial, along, across, and their rates.
+    """
     rate_arcsec_s: FloatArray
-    """Predicted apparent motion (M,)."""
+    """Predicted apparent speeds (M,)."""
     range_km: FloatArray
     mean_motion_rad_s: FloatArray
     errors: ElementErrors = ASSUMED
-    """Errors of elements by which offsets are weighed."""
+    """Errors of elements with which the offsets are weighed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +71,7 @@ def compare(
     entries: Sequence[CatalogueEntry],
     errors: ElementErrors = ASSUMED,
 ) -> CatalogueResiduals:
-    """Compare every entry with the directions, leaving out entries at which SGP4 fails."""
+    """Compare directions with all entries; entries for which SGP4 fails are left out."""
     beside_ns = round(_BESIDE_S * NS_PER_S)
     about = seen.epoch_utc_ns + np.array([-beside_ns, 0, beside_ns])
     expected = _expected(entries, site, np.concatenate([seen.t_utc_ns, about]))
@@ -89,8 +94,10 @@ def compare(
 
 
 def _expected(entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: IntArray) -> _ExpectedPlaces:
-    """Expected places as in ``sky.places.astrometric_places``; in the light's time the motion is
-    straight to a mm."""
+    """Expected places as in ``sky.places.astrometric_places``.
+
+    During the light time the motion is straight to a mm.
+    """
     r, v = states_gcrs(entries, t_utc_ns)
     site_km, site_km_s = site_gcrs(site, t_utc_ns)
     v_earth = earth_velocity_km_s(t_utc_ns)
@@ -152,8 +159,7 @@ def _offsets(
 
 
 def _arc(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Arc from one direction to another, as a vector in the tangent plane as long as the angle,
-    rad."""
+    """Vector in the tangent plane from one direction to another, as long as the angle, rad."""
     cosine = np.sum(start * end, axis=-1, keepdims=True)
     aside = end - cosine * start
     sine = np.linalg.norm(aside, axis=-1, keepdims=True)
@@ -161,8 +167,10 @@ def _arc(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def _by_errors(expected: _ExpectedPlaces, count: int) -> FloatArray:
-    """Slopes (M, 4, 6) of the offsets by errors (radial, along, across; their rates) of the
-    state."""
+    """Slopes (M, 4, 6) of the offsets by errors of the state.
+
+    Errors: radial, along, across, and their rates.
+    """
     before, at, after = (
         _moved_by(expected, count + n, since_s)
         for n, since_s in enumerate((-_BESIDE_S, 0.0, _BESIDE_S))

@@ -1,12 +1,16 @@
-"""Likelihood of an assignment of tracks to catalogued objects whose elements may have errors in
-common. Pure.
+"""Likelihood of tracks being catalogued objects whose elements have errors in common. Pure.
 
-Satellites of one slot have elements of one epoch by one network, and are held there by one
-operator: much of their elements' errors is common to all, and leaves their relative places correct.
-How much is common is not published. So three cases are weighed, and the offsets themselves decide
-between them: no error is common; most of the errors of undisturbed elements are; the errors by
-manoeuvres are. The common error, six numbers in the frame of the orbit
-(``element_errors.covariance_rtn``), is integrated out about its most probable value.
+Satellites of one slot have elements of one epoch by one network, and one operator keeps them there:
+much of their elements' errors is common to all, and leaves their relative places correct. How much
+is common is not published. So three cases are weighed, and the offsets themselves decide between
+them:
+
+- no error is common;
+- most of the errors of undisturbed elements are common;
+- the errors by manoeuvres are common.
+
+The common error, six numbers in the frame of the orbit (``element_errors.covariance_rtn``), is
+integrated out about its most probable value.
 """
 
 from collections.abc import Sequence
@@ -30,7 +34,10 @@ _LEAST = 1e-300
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One case of shared errors of elements: factors of the variances of ``element_errors``."""
+    """One assumption of how much of the elements' errors is common to all objects.
+
+    All but the probability are factors on the variances of ``element_errors``.
+    """
 
     probability: float
     shared_undisturbed: float = 0.0
@@ -48,22 +55,22 @@ CASES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """One track against one catalogued object."""
+    """One track compared with one catalogued object; D as in ``CatalogueResiduals``."""
 
     offset: FloatArray
-    """Offset (D,), measured minus predicted."""
+    """Offset (D,) of the track, measured minus predicted."""
     measured: FloatArray
-    """Covariance (D, D) of the measurement."""
+    """Covariance (D, D) of the measured offset."""
     slopes: FloatArray
-    """Slopes (D, 6) by the errors of the elements."""
+    """Slopes (D, 6) of the offset by the errors of the elements."""
     undisturbed: FloatArray
-    """Covariance (6, 6) of the elements of an undisturbed object."""
+    """Covariance (6, 6) of the elements' errors if the object was not moved."""
     moved: FloatArray
     moved_probability: float
 
 
 def pair_of(found: CatalogueResiduals, n: int, t_utc_ns: int) -> Pair:
-    """The pair of a track and the nth object of its comparison."""
+    """Make the pair of a track, at an instant, and the nth object of its comparison."""
     entry = found.entries[n]
     regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
     age_days = (t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
@@ -80,10 +87,10 @@ def pair_of(found: CatalogueResiduals, n: int, t_utc_ns: int) -> Pair:
 
 
 class SharedErrors:
-    """Densities of T tracks and N objects in one case of shared errors.
+    """Densities of the pairs of T tracks and N objects under one assumption of common errors.
 
-    ``pairs[t][n]`` is None where the object is none that the track could be of;
-    ``unknown`` (T,): logarithm of the density of objects that no catalogue knows.
+    ``pairs[t][n]``: None where the track cannot be the object. ``unknown`` (T,): logarithm of the
+    density of objects that no catalogue knows.
     """
 
     def __init__(
@@ -122,13 +129,19 @@ class SharedErrors:
             self._stiffness[t, n, k] = slopes.T @ inverse @ slopes
 
     def scores(self, common: FloatArray) -> FloatArray:
-        """Logarithms (T, N + 1) of each pair's density, given the common error (6,), in sigmas."""
+        """Logarithms (T, N + 1) of the pairs' densities, given the common error (6,), in sigmas.
+
+        The last column is for objects that no catalogue knows.
+        """
         parts = self._level + self._pull @ common
         parts = parts - np.einsum("...ij,i,j->...", self._stiffness, common, common) / 2.0
         return np.asarray(np.logaddexp(parts[..., 0], parts[..., 1]))
 
     def proposals(self, tracks: Sequence[int]) -> list[FloatArray]:
-        """Common errors worth trying: none, and those that one pair of these tracks suggests."""
+        """Common errors (6,) worth trying as starts.
+
+        Zero, and those that single pairs of these tracks suggest.
+        """
         found = [np.zeros(6)]
         if not self._is_shared:
             return found
@@ -138,8 +151,10 @@ class SharedErrors:
         return found
 
     def log_evidence(self, assignments: Sequence[Assignment]) -> tuple[FloatArray, FloatArray]:
-        """Log evidence (K,) of each assignment, the common error integrated out; (K, 6) its
-        probable value."""
+        """Log evidence (K,) of each assignment, and its most probable common error (K, 6).
+
+        The common error is integrated out about that value.
+        """
         chosen = np.array(assignments)
         rows = np.arange(chosen.shape[1])
         level, pull = self._level[rows, chosen], self._pull[rows, chosen]
@@ -193,8 +208,7 @@ def _shares(
 def _summit(
     level: FloatArray, pull: FloatArray, stiffness: FloatArray, shares: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Logarithms (K,) of the integrals by Laplace's method, and the places (K, 6) of the
-    summits."""
+    """Logarithms (K,) of the integrals by Laplace's method, and the maxima (K, 6)."""
     for _ in range(_ROUNDS):
         whole = np.einsum("ktc,ktcij->kij", shares, stiffness)
         common = _settled(np.einsum("ktc,ktci->ki", shares, pull), whole)

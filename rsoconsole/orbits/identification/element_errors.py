@@ -4,10 +4,10 @@ Elements carry no covariance, so one is assumed by kind of orbit and age, in two
 has kept to its orbit (``undisturbed``), or its operator has moved it since (``manoeuvred``).
 
 Geostationary figures: 319 element sets of Intelsat-14, SES-10 and Intelsat-21 (2018 to 2025), each
-carried to the epochs of the seven that follow (``tests/bench/bench_element_errors.py``). Kept in
-their slots by manoeuvres that no element set knows of, all three leave their elements by the
-natural drift that did not happen, 0.65 km times the square of the days, and across by a kilometre
-a day:
+propagated to the epochs of the seven that follow (``tests/bench/bench_element_errors.py``).
+Manoeuvres keep all three in their slots, while their elements predict a natural drift that the
+manoeuvres prevent: the errors along the track are 0.65 km times the square of the days, across it a
+kilometre a day:
 
     age, days            3-7   7-14   14-20   20-25   25-35   35-60
     along, 68 %, km       39    100     222     368     585    1542
@@ -18,7 +18,7 @@ Undisturbed objects do much better: KazSat 2, close to a point of rest, was 17 k
 days, and fresh sets are good to 5 to 30 arcsec, which is 1 to 5 km. NAVSTAR 77 was 3.6 km off
 after 8 days. For low and eccentric orbits: about 1 km at the epoch and 1 to 3 km a day (Flohrer,
 Krag & Klinkrad 2008; Levit & Marshall 2011, Advances in Space Research 47, 1107); not measured
-here. What one's own nights measured (``element_fit``) multiplies the spreads by factors.
+here. Factors found from one's own nights (``element_fit``) multiply the spreads.
 """
 
 import operator
@@ -39,14 +39,19 @@ _Terms = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """One-sigma errors in km: at the epoch, by the day and by the day squared."""
+    """One-sigma errors of elements in km: at the epoch, by the day and by the day squared.
+
+    The three terms add up as squares.
+    """
 
     along: _Terms
     across: _Terms
-    """Amplitude of the swing out of the plane, once a revolution, over the root of 2."""
+    """Across the track: amplitude of the swing out of the plane, once a revolution, over root 2."""
     shape: _Terms
-    """Amplitude of the swing of the radius, by an error of the eccentricity; along the track it is
-    twice that."""
+    """Radial: amplitude of the swing by an error of the eccentricity.
+
+    Along the track the same error swings twice as far.
+    """
 
 
 UNDISTURBED: dict[Regime, Spread] = {
@@ -65,30 +70,30 @@ MANOEUVRED: dict[Regime, Spread] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorFactors:
-    """Factors of the assumed spreads of undisturbed objects of one kind of orbit."""
+    """Factors on the assumed spreads of undisturbed objects of one kind of orbit."""
 
     along_at_epoch: float = 1.0
     along_by_age: float = 1.0
-    """Factor of both terms that grow."""
+    """Factor on the two terms that grow with age, of ``along`` and ``shape``."""
     across: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementErrors:
-    """Errors of elements by kind of orbit, as assumed or measured."""
+    """Errors of elements by kind of orbit, assumed or measured."""
 
     undisturbed: Mapping[Regime, Spread]
     manoeuvred: Mapping[Regime, Spread]
 
     def of(self, regime: Regime, *, is_moved: bool) -> Spread:
-        """Spread of a kind of orbit, of manoeuvred or of undisturbed objects."""
+        """Spread of one kind of orbit: of manoeuvred objects, or of undisturbed ones."""
         return (self.manoeuvred if is_moved else self.undisturbed)[regime]
 
     def scaled(self, factors: Mapping[Regime, ErrorFactors]) -> "ElementErrors":
-        """Errors with their spreads scaled where there are factors.
+        """Errors with the spreads of undisturbed objects scaled by factors for some kinds of orbit.
 
-        Spreads of manoeuvred objects stay, but are nowhere narrower than the others, as a manoeuvre
-        removes no error.
+        Spreads of manoeuvred objects stay, unless an undisturbed object's has become wider: then
+        they are raised to it, as a manoeuvre removes no error.
         """
         if not factors:
             return self
@@ -109,7 +114,7 @@ def _by_terms(of: Callable[[float, float], float], a: Spread, b: Spread) -> Spre
 
 
 ASSUMED = ElementErrors(undisturbed=UNDISTURBED, manoeuvred=MANOEUVRED)
-"""Errors assumed without any measurement."""
+"""Errors assumed before any measurement."""
 _CONTROLLED: dict[Regime, float] = {"GEO": 0.35, "MEO": 0.1, "LEO": 0.3, "HEO": 0.03}
 """Share of the catalogued objects that are under control."""
 _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO": 14.0, "HEO": 60.0}
@@ -130,22 +135,22 @@ def regime_numbers(revolutions_a_day: FloatArray, eccentricity: FloatArray) -> n
 
 
 def manoeuvred_probability(regime: Regime, age_days: float) -> float:
-    """Probability that an object was manoeuvred since the epoch of its elements."""
+    """Probability that an object of this kind was manoeuvred since its elements' epoch."""
     return float(manoeuvred_probabilities(regime, np.array(age_days)))
 
 
 def manoeuvred_probabilities(regime: Regime, age_days: FloatArray) -> FloatArray:
-    """Probabilities of a manoeuvre at ages (...) of the elements."""
+    """Probabilities of a manoeuvre since the elements' epoch, at ages (...)."""
     interval = _BETWEEN_MANOEUVRES_DAYS[regime]
     return np.asarray(_CONTROLLED[regime] * (1.0 - np.exp(-np.abs(age_days) / interval)))
 
 
 def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) -> FloatArray:
-    """Covariance (6, 6) of errors (radial, along, across) and their rates in that turning frame;
-    km, km/s.
+    """Covariance (6, 6) of errors radial, along and across the orbit, and of their rates.
 
-    An orbit a little off swings about its elements once a revolution: R = A cos(nt), T = -2A
-    sin(nt), N = B cos(nt), at any phase, beside its lead or lag (Clohessy & Wiltshire 1960).
+    In km and km/s, in the frame that turns with the orbit. An orbit a little off swings about its
+    elements once a revolution: R = A cos(nt), T = -2A sin(nt), N = B cos(nt), at any phase, beside
+    its lead or lag (Clohessy & Wiltshire 1960).
     """
     along, across, shape = (
         float(sigma_at_age(each, age_days)) for each in (spread.along, spread.across, spread.shape)
@@ -168,7 +173,7 @@ def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) ->
 def position_sigmas_km(
     spread: Spread, age_days: float | FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """One-sigma errors radial, along (the swing of the shape with it) and across at ages (...)."""
+    """One-sigma errors at ages (...): radial, along (with the swing of the shape), and across."""
     along, across, shape = (
         sigma_at_age(each, age_days) for each in (spread.along, spread.across, spread.shape)
     )

@@ -1,11 +1,11 @@
 """Factors of the assumed errors of elements, fitted to one's own nights. Pure.
 
-Three factors of a kind of orbit (``ErrorFactors``), by maximum a posteriori: each row is of an
-undisturbed object, of a manoeuvred one, or of neither (a wrong name, a storm), which a wide tail
-takes. The widths of the last two are assumed: an object that was moved far is not surely
-identified, so that rows cannot determine them; for the same reason fewer of them were moved than of
-all objects of that age, and that share is found with the factors. Before any row a factor is 1,
-within a factor of 2 (log-normal).
+Each kind of orbit has three factors (``ErrorFactors``), found by maximum a posteriori. A row is of
+an undisturbed object, of a manoeuvred one, or of neither (a wrong name, a storm), for which there
+is a wide tail. The widths for manoeuvred objects and for the tail are assumed: an object that was
+moved far is not surely identified, so that rows cannot determine them. For the same reason fewer of
+the rows than of all objects of that age are of moved ones; that share is fitted with the factors.
+The prior of a factor is 1, within a factor of 2 (log-normal).
 """
 
 import math
@@ -26,7 +26,7 @@ from rsoconsole.orbits.identification.element_rows import ElementRow, groups_of
 from rsoconsole.records import FloatArray
 
 PRIOR_SIGMA = 0.7
-"""One sigma of the logarithm of a factor, before any row."""
+"""Prior sigma of the logarithm of a factor."""
 _ALIKE = 0.3
 """Correlation of the errors of one object in different nights, by different elements: some
 objects are steered often, some low ones meet more air. Assumed."""
@@ -46,7 +46,7 @@ smaller still."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedFactors:
-    """Factors fitted to the rows of one kind of orbit."""
+    """Factors fitted to the rows of one kind of orbit, with their sigmas."""
 
     regime: Regime
     factors: ErrorFactors
@@ -55,13 +55,13 @@ class FittedFactors:
     rows: int
     objects: int
     counted: float
-    """Number of independent rows that they are weighed as."""
+    """Number of independent rows that all the rows are worth."""
     oldest_days: float
     t_last_utc_ns: int
 
 
 def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
-    """Fit the factors of each kind of orbit that has rows."""
+    """Fit the factors of each kind of orbit that occurs in the rows."""
     regimes = dict.fromkeys(each.regime for each in rows)
     return tuple(
         _fitted(regime, [each for each in rows if each.regime == regime])
@@ -70,10 +70,10 @@ def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
 
 
 def weights_of(rows: Sequence[ElementRow]) -> FloatArray:
-    """Weights (N,) of the rows.
+    """Weights (N,) of the rows, lower for rows that share an error.
 
-    Rows of one object in one night, or by the same elements, count as one together; G such groups
-    of one object as G / (1 + 0.3 (G - 1)), at most 3.3.
+    Rows of one object in one night, or by the same elements, form a group, which counts as one row;
+    G groups of one object count as G / (1 + 0.3 (G - 1)), at most 3.3.
     """
     weights = np.zeros(len(rows))
     groups = groups_of(rows)

@@ -13,7 +13,7 @@ from rsoconsole.sky import ARCSEC_RAD
 from rsoconsole.words import NS_PER_S
 
 SURE_NAMED = 0.95
-"""Least probability of an identification that counts."""
+"""Least probability of an identification that makes a row."""
 _NIGHT_NS = 8 * 3600 * NS_PER_S
 """Pause of one object after which another night begins."""
 _MIN_SEEN = 0.1
@@ -23,7 +23,7 @@ hardly measured."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementRow:
-    """One track of one night against the elements of its object."""
+    """One track of one night compared with the elements of its object."""
 
     session: str
     """Name of the session, or of the frame."""
@@ -31,42 +31,45 @@ class ElementRow:
     norad_id: int
     name: str
     t_utc_ns: int
-    """Middle of the track."""
+    """Instant of the track's middle."""
     tle_epoch_utc_ns: int
     age_days: float
-    """Age of the elements, days; negative where they are younger than the track."""
+    """Age of the elements, days; negative where their epoch is after the track."""
     regime: Regime
     along_s: float
-    """Observed minus computed along the orbit, as time; positive: ahead of its elements."""
+    """Observed minus computed along the orbit, s; positive: the object is ahead of its elements."""
     sigma_along_s: float
-    """One sigma of the measurement, as the other sigmas."""
+    """One sigma of ``along_s`` by the measurement alone; so are the other sigmas."""
     along_km: float
     """Observed minus computed along the orbit."""
     sigma_along_km: float
     across_arcsec: float
-    """Observed minus computed across the motion; positive: north of a motion to the east."""
+    """Observed minus computed across the motion; positive to the north of an eastward motion."""
     sigma_across_arcsec: float
     across_km: float
     """Observed minus computed across the motion, at the object's distance."""
     sigma_across_km: float
     along_by: tuple[float, float, float]
-    """Change of ``along_km`` by an error of a kilometre (radial, along, across the orbit)."""
+    """Change of ``along_km`` by a kilometre of error in the orbit: radial, along, across."""
     across_by: tuple[float, float, float]
-    """Change of ``across_km`` by an error of a kilometre, likewise."""
+    """Change of ``across_km`` by a kilometre of error in the orbit: radial, along, across."""
     observations: int
     probability: float
     """Probability of the identification."""
 
     @property
     def key(self) -> tuple[str, str]:
-        """Session and track: a row that is kept again replaces its earlier one."""
+        """Session and track; a new row with the same key replaces the earlier one."""
         return (self.session, self.track)
 
 
 def row_of(
     session: str, track: str, compared: CatalogueComparison, found: Identification
 ) -> ElementRow | None:
-    """Row of one track; None where it is not surely identified or moves along the line of sight."""
+    """Row of one track; None where the object is not surely identified.
+
+    None too where it moves along the line of sight.
+    """
     if found.verdict != "identified" or found.matches[0].probability < SURE_NAMED:
         return None
     match, with_all = found.matches[0], compared.found
@@ -110,7 +113,10 @@ def _three(values: FloatArray) -> tuple[float, float, float]:
 
 
 def groups_of(rows: Sequence[ElementRow]) -> list[list[int]]:
-    """Indices of rows that share an error: of one object, in one night or by the same elements."""
+    """Groups of rows that share an error, as indices into ``rows``.
+
+    A group is of one object, in one night or by one element set.
+    """
     order = sorted(range(len(rows)), key=lambda n: (rows[n].norad_id, rows[n].t_utc_ns))
     groups: list[list[int]] = []
     by_elements: dict[tuple[int, int], list[int]] = {}

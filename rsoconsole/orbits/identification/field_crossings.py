@@ -1,9 +1,12 @@
 """Catalogued objects that can have crossed a field during an exposure. Pure.
 
-An object is a candidate where its path, within the exposure and the seconds by which it may be
-ahead of its elements or behind them, comes into the field or as near it as it may be off across its
-path. Three sieves, each finer and dearer: how far it can be from where it is now; its path at steps
-of its lead; its drawn path in the frame.
+An object may be ahead of its elements or behind them by some seconds, and off its path by some
+angle. It is a candidate where its path within these bounds enters the field during the exposure.
+Three sieves, each finer and slower than the one before, look at:
+
+- how far the object can be from its nominal place;
+- its path at steps of its lead;
+- its streak as drawn in the frame.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,9 +31,9 @@ from rsoconsole.words import NS_PER_DAY
 
 GATE_SIGMAS = 3.0
 OLDEST_DAYS = 60.0
-"""Oldest age of elements whose errors are known."""
+"""Largest age of elements that are used; errors of older ones are not known."""
 LOW_GATE_S = 60.0
-"""Smallest gate along the path of a low object."""
+"""Smallest gate along the path of a low object, as time."""
 MAX_GATE_S = 600.0
 _STRANGE_SHARE = 0.03
 _STRANGE_TIMES = 2.0
@@ -41,18 +44,21 @@ _STRANGE_LOW_KM = 200.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ElementSpread:
-    """Errors of M element sets in three cases, (M, 3) each: undisturbed, manoeuvred, strange."""
+    """Errors of M element sets in three cases: undisturbed, manoeuvred, strange.
+
+    Arrays (M, 3), a column for each case; strange errors are those that no model describes.
+    """
 
     share: FloatArray
     radial_km: FloatArray
-    """One sigma, as the other errors."""
+    """One sigma, radial; ``along_km`` and ``across_km`` are one sigma too."""
     along_km: FloatArray
     across_km: FloatArray
     gate_along_km: FloatArray
-    """Gates (M,) along the path."""
+    """Largest errors (M,) along the path that are searched."""
 
     def of(self, chosen: npt.NDArray[np.intp]) -> "ElementSpread":
-        """Errors of the chosen objects."""
+        """Errors of the chosen element sets."""
         return ElementSpread(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
@@ -62,7 +68,7 @@ def element_spread(
     speed_km_s: FloatArray,
     errors: ElementErrors = ASSUMED,
 ) -> ElementSpread:
-    """Errors of M element sets by kind of orbit, age and speed."""
+    """Errors of M element sets by kind of orbit (``regime_numbers``), age and speed."""
     count = len(regimes)
     share, radial, along, across = (np.zeros((count, 3)) for _ in range(4))
     for number, regime in enumerate(ERROR_REGIMES):
@@ -122,7 +128,7 @@ class FieldOfView:
     """Angle from the centre to the farthest corner."""
     area_rad2: float
     contains: Callable[[FloatArray], npt.NDArray[np.bool_]]
-    """Test of unit vectors (..., 3) for being in the frame: (...,)."""
+    """Function from unit vectors (..., 3) to a mask (...), True for those in the frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -135,28 +141,28 @@ class Candidate:
     spread: ElementSpread
     """Errors of this object's elements alone."""
     age_days: float
-    """Age of its elements; below 0 where their epoch is later."""
+    """Age of its elements; below 0 where their epoch is after the exposure."""
     gate_s: float
-    """Largest lead or lag that is searched."""
+    """Largest lead or lag over its elements that is searched, s."""
     gate_across_rad: float
-    """Largest angle off its path, where it is nearest to the field."""
+    """Largest angle off its path that is searched, where the path is nearest to the field."""
     chance: float
-    """Probability that any of it was in the frame during the exposure."""
+    """Probability that any part of its streak was in the frame."""
     lead_s: FloatArray
-    """Leads (L,) at which it is near the field."""
+    """Leads (L,) over its elements, s, at which it is near the field."""
     u: FloatArray
-    """Unit vectors (L, 3) at the middle of the exposure."""
+    """Unit vectors (L, 3) towards it at these leads, at the middle of the exposure."""
     nominal: FloatArray
-    """Unit vectors (3, 3) at opening, middle and closing by the elements as they are."""
+    """Unit vectors (3, 3) at opening, middle and closing, for a lead of 0."""
     r_km: FloatArray
-    """Position (3,) at the middle by the elements as they are, GCRS."""
+    """Position (3,), GCRS, at the middle of the exposure, for a lead of 0."""
     range_km: float
     rate: FloatArray
-    """Change (3,) of its direction in a second by the elements as they are, rad/s."""
+    """Change (3,) of its unit vector for each second, for a lead of 0, rad/s."""
 
 
 class FieldCatalogue:
-    """Element sets prepared for the search of one frame after another."""
+    """Element sets prepared for the search of frame after frame."""
 
     def __init__(self, entries: Sequence[CatalogueEntry], errors: ElementErrors = ASSUMED) -> None:
         """``errors``: of the elements."""
@@ -208,8 +214,10 @@ class FieldCatalogue:
         return tuple(sorted(found, key=lambda each: each.entry.norad_id))
 
     def _reachable(self, view: FieldOfView, exposure: Exposure) -> tuple[IndexArray, ElementSpread]:
-        """Indices of the sets whose objects can come near, by a ball about where they are now;
-        their errors."""
+        """Indices of the sets whose objects can come near, and their errors.
+
+        By a ball about the place where each object is now.
+        """
         seen = exposure.middle.seen(self._satellites, np.zeros(1))
         speed = np.linalg.norm(seen.v_km_s[:, 0], axis=-1)
         is_there = np.isfinite(speed)
@@ -334,7 +342,11 @@ def _leads(
 
 
 def across_track_sigmas(spread: ElementSpread, seen: ObjectPlaces) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (M, L, 3) across paths, north of eastward, and sigmas (M, L, 3 cases), rad."""
+    """Unit vectors across the paths of objects, and sigmas of the error in this direction, rad.
+
+    Vectors (M objects, L leads, 3), towards the north for an eastward motion; sigmas (M, L, 3), by
+    the three cases of ``ElementSpread``.
+    """
     across, radial, pole = across_parts(seen)
     by_radial = radial[..., None] * spread.radial_km[:, None, :]
     by_pole = pole[..., None] * spread.across_km[:, None, :]
@@ -342,8 +354,11 @@ def across_track_sigmas(spread: ElementSpread, seen: ObjectPlaces) -> tuple[Floa
 
 
 def across_parts(seen: ObjectPlaces) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Unit vectors (M, L, 3) across paths, and their parts (M, L) along the radius and the pole of
-    the orbit."""
+    """Unit vectors across the paths of objects, and their components in the frame of the orbit.
+
+    Vectors (M objects, L leads, 3); components (M, L) along the radius, and (M, L) along the
+    orbit's pole.
+    """
     r, v = seen.r_km, seen.v_km_s
     across = np.cross(seen.u, seen.by_lead)
     across = across / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-30)
@@ -354,8 +369,10 @@ def across_parts(seen: ObjectPlaces) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 def _nearest_rad(a: FloatArray, b: FloatArray, to: FloatArray) -> FloatArray:
-    """Smallest angles (...,) between arcs of unit vectors (..., 3) and one (3,); NaN as
-    infinity."""
+    """Smallest angles (...,) between arcs of unit vectors (..., 3) and one vector (3,).
+
+    Infinite for an arc of NaN.
+    """
     along = b - a
     size = np.maximum(np.sum(along * along, axis=-1), 1e-30)
     at = np.clip(np.sum((to - a) * along, axis=-1) / size, 0.0, 1.0)

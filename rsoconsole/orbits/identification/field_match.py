@@ -28,7 +28,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
 
 SURE = 20.0 / 21.0
-"""Probability of an identification: any other choice is less than one twentieth as likely."""
+"""Probability from which a line is identified: twenty to one against all other choices."""
 WORTH_SAYING = 0.05
 _MAX_ASSIGNMENTS = 60
 _SEEN = 0.8
@@ -42,8 +42,12 @@ _FADED, _FADED_LOG = 0.05, 2.5
 logarithm."""
 _MAX_LENGTH_SIGMAS = 5.0
 Shape = Literal["placed", "faded", "open"]
-"""Kind of a line: placed (one or both ends give place and instant), faded (a part of it is
-missing), open (the rim cuts both ends)."""
+"""Kind of a line, by what its ends show.
+
+- ``placed``: one or both ends give place and instant;
+- ``faded``: a part of the streak is missing;
+- ``open``: the rim of the frame cuts both ends.
+"""
 _TOO_LONG = 1.05
 _MAX_TURN_SIGMAS = 5.0
 _NEWTON = 3
@@ -60,28 +64,27 @@ class Line:
     """A streak of one exposure."""
 
     a: FloatArray
-    """Unit vector (3,) of one end."""
+    """Unit vector (3,) of one end; ``b`` is that of the other."""
     b: FloatArray
     middle: FloatArray
-    """Unit vector (3,) at the middle of the exposure, if both ends are in the frame."""
+    """Unit vector (3,) of the midpoint: of mid-exposure where both ends are in the frame."""
     is_end_a: bool
-    """True where this end is the object's place when the shutter moved; False where the rim cut
-    it."""
+    """True where the object was at ``a`` at opening or closing; False: the rim cut the line."""
     is_end_b: bool
     is_ordered: bool
-    """True where the object is known to have gone from a to b."""
+    """True where the object is known to have moved from ``a`` to ``b``."""
     after_s: float
-    """Delay of the exposure of its row after the frame's first row."""
+    """Delay of the exposure at the line's row after that at the frame's first row."""
     cov_sky_rad2: tuple[float, float, float]
-    """Covariance of its midpoint: east-east, east-north, north-north."""
+    """Covariance of the midpoint: east-east, east-north, north-north."""
     sigma_direction_rad: float
     sigma_length_rad: float
     strangers: float = 0.3
-    """Mean number of lines like it in a frame that are in no catalogue."""
+    """Mean number of lines of objects in no catalogue that a frame shows."""
 
     @property
     def length_rad(self) -> float:
-        """Angle between its ends."""
+        """Angle between the two ends."""
         return _angle_rad(self.a, self.b)
 
 
@@ -90,28 +93,31 @@ class Fit:
     """Offsets of a line from a candidate's path, and the likelihood of the match."""
 
     along_s: float
-    """Lead of the object over its elements; below 0: behind."""
+    """Lead of the object over its elements, s; below 0 it is behind."""
     sigma_along_s: float
-    """One sigma of ``along_s``, of the measurement."""
+    """One sigma of ``along_s``, by the measurement alone."""
     across_rad: float
-    """Offset across the path, positive north of eastward."""
+    """Offset across the path; positive to the north for an eastward motion."""
     sigma_across_rad: float
-    """One sigma of ``across_rad``, of the measurement."""
+    """One sigma of ``across_rad``, by the measurement alone."""
     range_km: float
     speed_km_s: float
     across_by: tuple[float, float]
-    """Change across its path by an error of a kilometre along the radius, and off the plane, km."""
+    """Change of the offset across the path by a kilometre of error, km.
+
+    Of an error along the radius, and of one out of the orbit's plane.
+    """
     direction_deg: float
-    """Direction of the line, measured minus predicted."""
+    """Angle from the predicted direction of the motion to that of the line."""
     length_ratio: float | None
     """Length of the line, measured over predicted; None where an end is outside the frame."""
     log_ratio: float
-    """Logarithm of the likelihood over that of a line in no catalogue."""
+    """Logarithm of the likelihood of the match over that of a line in no catalogue."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """One choice for a line: an index of a candidate, or None for no catalogue."""
+    """One possible answer for a line: the index of a candidate, or None for no catalogue."""
 
     candidate: int | None
     probability: float
@@ -120,7 +126,7 @@ class Choice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineMatch:
-    """Result for one line."""
+    """Result of the match for one line."""
 
     verdict: Verdict
     choices: tuple[Choice, ...]
@@ -129,17 +135,17 @@ class LineMatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldMatch:
-    """Results for all lines of an exposure and all candidates."""
+    """Results of the match for all lines of an exposure and all candidates."""
 
     lines: tuple[LineMatch, ...]
     taken: tuple[float, ...]
-    """Probability that one of the lines is this object, for each candidate."""
+    """For each candidate the probability that one of the lines is its streak."""
 
 
 def match_field(
     view: FieldOfView, candidates: Sequence[Candidate], lines: Sequence[Line]
 ) -> FieldMatch:
-    """Match lines and candidates, one to one."""
+    """Match the lines of a frame with candidates: at most one line for each candidate."""
     if not lines:
         return FieldMatch(lines=(), taken=(0.0,) * len(candidates))
     exposure = Exposure(view.site, view.t_mid_utc_ns, view.exposure_s)
@@ -305,8 +311,10 @@ def _known_place(line: Line, by_time: FloatArray) -> tuple[FloatArray, int]:
 
 
 def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
-    """Direction, measured minus predicted, north of eastward; for a line of unknown sense the
-    smaller one."""
+    """Angle from the predicted direction to the line's, to the north of an eastward motion.
+
+    For a line of unknown sense the smaller one of two.
+    """
     way = line.b - line.a
     side = np.cross(u, by_time)
     angle = float(np.arctan2(way @ side, way @ by_time))
@@ -316,8 +324,10 @@ def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
 
 
 def _log_lengths(line: Line, predicted_rad: float) -> dict[Shape, float]:
-    """Logarithms of the densities of a line's length over that of a line in no catalogue, by kind;
-    empty where its length does not fit."""
+    """Log densities of a line's length over that of a line in no catalogue, by kind.
+
+    Empty where the length does not fit.
+    """
     length = max(line.length_rad, 1e-12)
     if not (line.is_end_a and line.is_end_b):
         if length > predicted_rad * _TOO_LONG + 5.0 * line.sigma_length_rad:

@@ -1,5 +1,4 @@
-"""Identification of all tracks of a field together: each catalogued object is at most one of them.
-Pure.
+"""Identification of all tracks of a field together: each object is one track at most. Pure.
 
 Tracks that were seen at the same time are different objects, so that a catalogued object that fits
 two of them is one of the two. The assignments of all tracks to objects, or to what no catalogue
@@ -34,11 +33,14 @@ from rsoconsole.records import FloatArray, Site
 from rsoconsole.words import NS_PER_S, catalogued_name
 
 GAP_S = 600.0
-"""Longest gap within a track: after a longer one it may have been lost meanwhile."""
+"""Longest gap within a stretch of a track: in a longer one the object may have been lost."""
 
 
 def seen_at_once(tracks: Sequence[MeasuredDirections]) -> npt.NDArray[np.bool_]:
-    """True (T, T) where any two stretches of two tracks overlap, a gap being in neither."""
+    """Matrix (T, T), True where two tracks were seen at the same time.
+
+    A track is split into stretches at its gaps (`GAP_S`); the gaps count as unseen.
+    """
     stretches = [_stretches(each) for each in tracks]
     found = np.zeros((len(tracks), len(tracks)), bool)
     for one, (begins, ends) in enumerate(stretches):
@@ -79,9 +81,10 @@ def identify_jointly(
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
 ) -> tuple[Identification, ...]:
-    """Identify all tracks: one answer for each, in their order.
+    """Identify all tracks of a field together: one answer for each, in their order.
 
-    For each object the set nearest in epoch is used. ``errors``: of the elements.
+    For each object the element set nearest in epoch is used. ``gate_deg``: largest offset of an
+    identified object. ``errors``: those of the elements.
     """
     compared = [
         compare_with_catalogue(each, site, entries, gate_deg=gate_deg, errors=errors)
@@ -93,7 +96,7 @@ def identify_jointly(
 def identify_compared_tracks(
     compared: Sequence[CatalogueComparison], *, gate_deg: float = GATE_DEG
 ) -> tuple[Identification, ...]:
-    """Identify tracks that were compared with the catalogue before: one answer for each."""
+    """Identify tracks already compared with the catalogue: one answer each, in their order."""
     found: dict[int, Identification] = {}
     for group in _groups(compared):
         members = [compared[n] for n in group]
@@ -103,8 +106,10 @@ def identify_compared_tracks(
 
 
 def _groups(compared: Sequence[CatalogueComparison]) -> list[list[int]]:
-    """Groups of tracks that compete for an object, directly or by others; a track alone is a
-    group."""
+    """Groups of tracks that compete for an object, directly or by others.
+
+    A track that does not compete is a group of its own.
+    """
     candidates = [{each.norad_id for each in _candidates(one)} for one in compared]
     groups: list[tuple[set[int], list[int]]] = []
     for n, own in enumerate(candidates):
@@ -168,8 +173,10 @@ def _taken_by_others(answer: Identification) -> Identification:
 def _weighed(
     members: Sequence[CatalogueComparison], objects: Sequence[int]
 ) -> tuple[list[Assignment], FloatArray]:
-    """Assignments worth weighing, by every case of shared errors, the likeliest first, and their
-    probabilities."""
+    """Assignments worth weighing, the likeliest first, and their probabilities.
+
+    By every case of shared errors.
+    """
     pairs = [_pairs(one, objects) for one in members]
     unknown = np.array([np.log(UNCATALOGUED[one.found.offsets.shape[1]]) for one in members])
     rivals = seen_at_once([one.seen for one in members])

@@ -1,9 +1,9 @@
 """Identification of one track: its directions against the places predicted by element sets. Pure.
 
 Each object's offset from the directions is split along and across its own predicted motion, with
-the rates at which the offset grows, and weighed with the covariance of the measurement and of
+the rates at which the offset grows. It is weighed with the covariance of the measurement and of
 elements of that age (``element_errors``), once for an object that has kept to its orbit and once
-for one that has been moved. An answer is given only where it leaves no second.
+for one that has been moved. An object is named only where no other one is likely.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ Verdict = Literal["identified", "ambiguous", "unknown"]
 GATE_DEG = 0.2
 """Largest offset of an identified object, unless its elements are less certain than that."""
 SURE = 0.95
-"""Probability from which on an object is called identified."""
+"""Probability from which on an object counts as identified."""
 _CREDIBLE = 23.5
 """Squared Mahalanobis distance, 4 degrees of freedom: one in ten thousand lies beyond."""
 _OFF_ELEMENTS = 16.0
@@ -48,79 +48,85 @@ _MAX_MATCHES = 5
 _AT_LEAST = 24
 """Nearest candidates compared in full, however far: there is always a runner-up."""
 UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
-"""Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by
-4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of the catalogued density
-there."""
+"""Density of objects that no public catalogue knows: with rates (4), and without (2).
+
+A square arcsec, and with rates a square arcsec/s too: 0.05 objects a square degree, their rates
+over 4 by 4 arcsec/s. That is a fifth of the density of catalogued objects.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectMatch:
-    """One catalogued object against the directions at their middle; measured minus predicted."""
+    """One catalogued object compared with the directions, at their middle."""
 
     norad_id: int
     name: str
     regime: Regime
     separation_arcsec: float
     along_track_arcsec: float
-    """Offset along the track; positive: ahead of its elements."""
+    """Measured minus predicted along the track; positive: the object is ahead of its elements."""
     cross_track_arcsec: float
-    """Offset across the track; positive: north of a motion to the east."""
+    """Measured minus predicted across the track; positive to the north of an eastward motion."""
     along_track_s: float
-    """``along_track_arcsec`` as time at its apparent motion; positive: early."""
+    """``along_track_arcsec`` as time at the apparent motion; positive: ahead of its elements."""
     rate_difference_percent: float | None
-    """Difference of the angular speed; None where one direction alone gives no rate."""
+    """Measured minus predicted angular speed; None where one direction alone gives no rate."""
     rate_direction_deg: float | None
-    """Angle by which the motion is turned, positive as ``cross_track_arcsec``; None without a
-    rate."""
+    """Angle from the predicted to the measured motion; None where there is no rate.
+
+    Positive towards the side on which ``cross_track_arcsec`` is positive.
+    """
     tle_epoch_utc_ns: int
     tle_age_days: float
-    """Age of the elements; negative: they are younger than the directions."""
+    """Age of the elements; negative where their epoch is after the directions."""
     score: float
-    """Mahalanobis distance in sigmas, raised where the elements are so vague that much would fit.
-    Smaller is better, and matches are ranked by it."""
+    """Mahalanobis distance in sigmas, with a penalty for vague elements, which much would fit.
+
+    Smaller is better; matches are ranked by it.
+    """
     probability: float
-    """Probability of this object, among all that were compared and what no catalogue knows."""
+    """Probability of this object, among all compared ones and what no catalogue knows."""
     is_within_gate: bool
     sigma_along_arcsec: float
-    """One sigma along the track of the elements, for an undisturbed object of that age."""
+    """One sigma of the offset along the track, if the object was not moved."""
     sigma_cross_arcsec: float
     undisturbed_sigma: float
-    """Mahalanobis distance if it was not moved."""
+    """Mahalanobis distance, in sigmas, if the object was not moved."""
     manoeuvred_sigma: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
-    """Result of an identification, with its grounds."""
+    """Result of an identification, with the grounds for it."""
 
     verdict: Verdict
     reason: str
     hint: str
-    """Hint at a manoeuvre; empty as a rule."""
+    """Suspicion of a manoeuvre, in words; usually empty."""
     matches: tuple[ObjectMatch, ...]
-    """Matches, best first; the second is the runner-up, within the gate or not."""
+    """Best matches in order; the second is the runner-up, within the gate or not."""
     t_utc_ns: int
     gate_deg: float
     catalogued: int
     """Number of catalogued objects compared."""
     failed: int
-    """Number of objects that SGP4 could not carry to that instant."""
+    """Number of objects that SGP4 could not propagate to that instant."""
     not_catalogued: float = 0.0
-    """Probability that no catalogue knows it."""
+    """Probability that no catalogue knows the object."""
     named_with: int = 0
-    """Number of other tracks identified together with it (``identify_jointly``)."""
+    """Number of other tracks identified together with this one (``identify_jointly``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CatalogueComparison:
-    """One track beside the catalogued objects that stand near it."""
+    """One track compared with the catalogued objects near it."""
 
     seen: MeasuredDirections
     found: CatalogueResiduals
     scored: tuple[ObjectMatch, ...]
-    """Matches, best first; their probabilities are weights as yet."""
+    """Matches, best first; their ``probability`` is a weight that is not yet normalised."""
     unknown_weight: float
-    """Weight of objects that no catalogue knows, in the unit of the matches' weights."""
+    """Weight of an object that no catalogue knows, in the unit of the matches' weights."""
     catalogued: int
     failed: int
 
@@ -133,7 +139,10 @@ def compare_with_catalogue(
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
 ) -> CatalogueComparison:
-    """Compare ``seen``, one arc of one night, with every object."""
+    """Compare ``seen``, one arc of one night, with every catalogued object.
+
+    ``gate_deg``: largest offset within the gate. ``errors``: those of the elements.
+    """
     nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)
     found = compare(seen, site, close, errors)
@@ -150,7 +159,7 @@ def compare_with_catalogue(
 
 
 def identification_alone(compared: CatalogueComparison, gate_deg: float) -> Identification:
-    """Identify one track by itself."""
+    """Identify one track by itself, without regard to other tracks."""
     total = sum(each.probability for each in compared.scored) + compared.unknown_weight
     unknown = compared.unknown_weight / total if total > 0.0 else 1.0
     shares = tuple(
@@ -166,7 +175,10 @@ def identification(
     not_catalogued: float,
     gate_deg: float,
 ) -> Identification:
-    """Identify a track by matches, best first, that have their probabilities."""
+    """Make the result for a track from its matches, best first, with their final probabilities.
+
+    ``not_catalogued``: the probability that no catalogue knows the object.
+    """
     verdict, reason = _verdict(matches, gate_deg)
     return Identification(
         verdict=verdict,
@@ -184,8 +196,10 @@ def identification(
 def _close_by(
     seen: MeasuredDirections, entries: Sequence[CatalogueEntry]
 ) -> tuple[list[CatalogueEntry], int]:
-    """Entries worth a closer look, and the number that have no place at the middlemost
-    direction."""
+    """Entries worth a closer look, and the number of entries without a place.
+
+    By their places at the middle of the directions.
+    """
     middle = int(np.argmin(np.abs(seen.t_s)))
     r, _ = states_gcrs(entries, seen.t_utc_ns[middle : middle + 1])
     u = r[:, 0] - seen.sites_km[middle]

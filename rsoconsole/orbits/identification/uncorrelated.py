@@ -1,11 +1,11 @@
 """Correlation of uncorrelated tracks with uncatalogued objects seen before. Pure.
 
 Earlier tracks predict where the object should be, and how it should move, with an error that grows
-with time. For an undisturbed orbit that is its own covariance and the forces left out; for an
-object that was moved meanwhile, the errors by manoeuvres of elements of that age. An object that
-stays over its place, as a geostationary satellite held in its slot, is expected where it was at the
-same sidereal time, whatever size a short arc gave its orbit: so is a track without an orbit. The
-answer is a probability against another uncatalogued object's being there by chance.
+with time. For an undisturbed orbit the error is its own covariance and the forces left out; for an
+object that was moved meanwhile, the errors by manoeuvres of elements of that age. A satellite that
+stays over its place on the ground, as a geostationary one kept in its slot, is expected where it
+was at the same sidereal time, whether a short arc gave it a wrong orbit or none. The answer is a
+probability against another uncatalogued object's being there by chance.
 """
 
 from collections.abc import Sequence
@@ -36,13 +36,16 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 
 SURE_SAME = 0.95
-"""Probability from which on a track is of an object that was seen before."""
+"""Probability from which on a track counts as one of an object seen before."""
 _CREDIBLE = 23.5
 """Squared Mahalanobis distance, 4 degrees of freedom: one in ten thousand lies beyond."""
 _SIDEREAL_ARCSEC_S = 15.04107
 _TURN_RAD_S = 7.2921e-5
 BELT_ARCSEC_S = 0.3
-"""Rate over the ground below which an object counts as geostationary: a swing of 1.1 degrees."""
+"""Rate over the ground below which an object counts as geostationary.
+
+An object that swings by 1.1 degrees has this rate.
+"""
 _BOX_ARCSEC = 220.0
 """One sigma of a satellite's place in its slot: slots are 0.1 deg to either side."""
 _SWING_ARCSEC, _SWING_ARCSEC_A_DAY = 60.0, 8.0
@@ -75,32 +78,32 @@ class EarlierTrack:
     """Number of the object."""
     site: Site
     t_utc_ns: int
-    """Instant of the direction, the middle of its track."""
+    """Instant of the direction: the middle of the track."""
     ra_icrs_deg: float
     dec_icrs_deg: float
     rate_arcsec_s: tuple[float, float]
-    """Rate east and north, against the stars."""
+    """Rate against the stars, east and north."""
     orbit: KnownOrbit | None
-    """Orbit of the track; None where the track hardly gave one."""
+    """Orbit determined from the track; None where there is none."""
     is_held: bool = False
-    """True where its orbit rests on the belief that it is held in its slot."""
+    """True where the orbit was fitted with the prior that the satellite is kept in its slot."""
 
     @property
     def is_in_belt(self) -> bool:
-        """True where it stayed over its place on the ground while it was seen."""
+        """True where the object stayed over its place on the ground while it was seen."""
         return _over_ground(self.rate_arcsec_s, self.dec_icrs_deg) < BELT_ARCSEC_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correlation:
-    """Result for one track."""
+    """Result of the correlation of one track."""
 
     number: int | None
-    """Number of the object; None where it is of none that was seen before, or not surely of one."""
+    """Number of the object; None where the track is not surely of one seen before."""
     separation_arcsec: float | None
-    """Distance between the measured and the predicted place, of the likeliest object."""
+    """Distance from the predicted to the measured place, of the likeliest object."""
     candidates: tuple[tuple[int, float], ...]
-    """Objects with their probabilities, where above 5 %, the likeliest first."""
+    """(Number, probability) of each object above 5 %, the likeliest first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,9 +117,10 @@ class _Offset:
 def correlate_tracks(
     tracks: Sequence[MeasuredDirections], site: Site, before: Sequence[EarlierTrack]
 ) -> tuple[Correlation, ...]:
-    """Correlate the tracks of a night with objects; two seen at once are of two objects.
+    """Correlate the tracks of a night with objects seen before.
 
-    ``before`` may hold several tracks of one object: the likeliest of them counts.
+    Tracks seen at the same time are of different objects. ``before`` may hold several tracks of one
+    object: the likeliest of them counts.
     """
     numbers = sorted({each.number for each in before})
     scores = np.full((len(tracks), len(numbers) + 1), -np.inf)
@@ -143,9 +147,10 @@ def correlate_tracks(
 def log_density(
     before: EarlierTrack, seen: MeasuredDirections, site: Site
 ) -> tuple[float, float] | None:
-    """Logarithm of the density of a track's offset, and the size of the offset in arcsec.
+    """Log density of a track's offset from an earlier track's prediction, and the offset in arcsec.
 
-    None where it is beyond the gate, or where the earlier track predicts nothing for that instant.
+    None where the offset is beyond the gate, or where the earlier track predicts nothing for that
+    instant.
     """
     track = _middle_of(seen)
     days = abs(track.epoch_utc_ns - before.t_utc_ns) / NS_PER_DAY
@@ -174,10 +179,10 @@ def log_density(
 def mid_track_direction_and_rates(
     seen: MeasuredDirections,
 ) -> tuple[int, float, float, tuple[float, float], FloatArray]:
-    """Direction and rates of a track about its middle.
+    """Direction and rates of a track at its middle, fitted to the directions near it.
 
-    Instant, right ascension and declination, rates (east, north) in arcsec/s, and the covariance
-    (4, 4) of east, its rate, north, its rate in arcsec and arcsec/s.
+    Returns the instant, right ascension and declination in degrees, the rates (east, north) in
+    arcsec/s, and the covariance (4, 4) of east, its rate, north, its rate in arcsec and arcsec/s.
     """
     track = _middle_of(seen)
     middle = int(np.argmin(np.abs(track.t_s)))
@@ -340,8 +345,10 @@ def _held(
 
 
 def _over_its_place(before: EarlierTrack, track: MeasuredDirections, site: Site) -> _Offset:
-    """Offset from its earlier place above the ground, with the parallax of another site where it is
-    another."""
+    """Offset of a track from an earlier place above the ground.
+
+    Allows for the parallax where the earlier site is another one.
+    """
     turned = _sidereal_deg(before.t_utc_ns, track.t_utc_ns)
     ra, dec = before.ra_icrs_deg + turned, np.full(len(track), before.dec_icrs_deg)
     if site != before.site:
@@ -401,8 +408,7 @@ def _fitted(
 def _on_sky(
     motion: SkyMotion, sizes_km: tuple[float, float], range_km: float, n_rad_s: float
 ) -> FloatArray:
-    """Covariance (4, 4) of sizes along and across the motion, and of the swing that goes with
-    them."""
+    """Covariance (4, 4) of errors along and across the motion, and of the swing with them."""
     towards = np.array(motion.rate_arcsec_s)
     along = towards / max(float(np.linalg.norm(towards)), 1e-9)
     turn = np.stack([along, np.array([-along[1], along[0]])], axis=-1)

@@ -1,8 +1,9 @@
 """Track of a low satellite from streak to streak, and the orbit that the streaks determine. Pure.
 
-One streak leaves the sense open, so a track begins as two hypotheses, each with all low orbits that
-pass through it (`low_cloud`). A second streak in the place predicted by one of them gives an orbit
-(`low_fit`), which from then on predicts the next one, and rejects other streaks.
+One streak does not show in which sense the object moved, so a track begins as two hypotheses, each
+with all low orbits through the streak (`low_cloud`). A second streak in the place predicted by one
+of them gives an orbit (`low_fit`), which from then on predicts the next one, and rejects other
+streaks.
 """
 
 from collections.abc import Sequence
@@ -20,11 +21,16 @@ from rsoconsole.sky import IntArray, position_angle_deg, separation_deg, wrap_18
 from rsoconsole.words import NS_PER_S
 
 GATE = 30.0
-"""Largest squared residual of a streak's four numbers for this object: chance of more 5e-6."""
+"""Largest chi-square of a streak's four numbers for it to be of this object.
+
+A streak of the object exceeds it with a probability of 5e-6.
+"""
 MIN_PROBABILITY = 1e-4
 MAX_SCATTER_S = 1.0
-"""Largest scatter of the shutter, one sigma, where it has not been measured: so early or late may a
-streak be that lies on the track, runs along it and is as fast."""
+"""Largest timing scatter of the shutter, one sigma, allowed where it has not been measured.
+
+A streak on the track, along it and of its speed may be early or late by as much.
+"""
 _STRAIGHT_S = 0.1
 _OF_MOTION = 4
 """Number of unknowns of an orbit that give the place along its path."""
@@ -47,26 +53,30 @@ _DETECTED = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hypothesis:
-    """Hypothesis of one sense of the first streak, and all that was measured since."""
+    """One sense of the object's motion along the first streak, and all that was measured since."""
 
     streaks: tuple[StreakEnds, ...]
-    """Streaks in order of time, each in the sense of this hypothesis."""
+    """Streaks in order of time, each with its ends in the sense of this hypothesis."""
     cloud: OrbitCloud
     """Low orbits through the first streak."""
     orbit: LowOrbit | None
-    """Orbit, from the second streak on."""
+    """Orbit through the streaks; None before the second one."""
     probability: float
     scatter_s: float
-    """Timing scatter of the shutter, one sigma: as stated at first, then as found from the
-    streaks."""
+    """Timing scatter of the shutter, one sigma.
+
+    As stated at first, then as estimated from the streaks.
+    """
     shake_arcsec: float = 0.0
-    """Error of each end beyond its stated sigma, one sigma: wind, a mount that settles. It is found
-    from how far the streaks lie beside their orbit."""
+    """Error of each end beyond its stated sigma, one sigma: wind, a mount that settles.
+
+    Estimated from how far the streaks lie beside their orbit.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LeapTrack:
-    """Hypotheses of the object of the streaks, the likeliest first; probabilities add up to 1."""
+    """Track of a low satellite: hypotheses, the likeliest first; probabilities add up to 1."""
 
     site: Site
     timing: Timing
@@ -78,7 +88,10 @@ class LeapTrack:
         return self.hypotheses[0]
 
     def ahead(self, t_utc_ns: int, number: int = 0) -> PredictedPosition | None:
-        """Place by the n-th hypothesis; None where that is below the ground."""
+        """Predicted place by the hypothesis ``number``, 0 the likeliest.
+
+        None where no place can be predicted.
+        """
         each = self.hypotheses[number]
         if each.orbit is None:
             return cloud_ahead(each.cloud, self.site, t_utc_ns, each.scatter_s)
@@ -96,9 +109,10 @@ class LeapTrack:
     def path(
         self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
     ) -> PredictedSkyPath | None:
-        """Path by the n-th hypothesis, as the shutter will find it.
+        """Predicted path by the hypothesis ``number``, 0 the likeliest.
 
-        None where it sets within two steps. Covariances include the shutter's timing scatter.
+        For ``span_s`` seconds at steps of ``step_s``. None where there are no two places for it.
+        Covariances include the shutter's timing scatter.
         """
         each, steps = self.hypotheses[number], int(np.ceil(span_s / step_s)) + 1
         t = from_utc_ns + (np.arange(steps) * step_s * NS_PER_S).astype(np.int64)
@@ -112,9 +126,9 @@ class LeapTrack:
 def path_of_orbit(
     orbit: KnownOrbit, site: Site, t_utc_ns: IntArray, scatter_s: float = 0.0
 ) -> PredictedSkyPath | None:
-    """Path of an orbit on the sky, at instants in order; None where it has come down.
+    """Path of an orbit on the sky, at instants in order; None where the object has decayed.
 
-    ``scatter_s`` of the shutter enters the covariances, along the path.
+    ``scatter_s``: timing scatter of the shutter, added to the covariances along the path.
     """
     found = predict(orbit, site, t_utc_ns)
     places = found.places
@@ -149,7 +163,8 @@ def begin_leap_track(
 ) -> LeapTrack | None:
     """Begin a track from one streak with both ends; None where no low orbit passes through it.
 
-    ``is_turned``: the streak is known to be in the sense in which it was drawn.
+    ``is_turned``: the ends of the streak are known to be in order of time; if False, both senses
+    become hypotheses.
     """
     if not streak.is_whole:
         return None
@@ -178,8 +193,8 @@ def begin_leap_track(
 def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
     """Update the track with one more streak, a later one; None where it fits no hypothesis.
 
-    The shutter's timing scatter, where it has not been measured, and the shaking of the image are
-    estimated from the streaks.
+    The shaking of the image is estimated from the streaks, and so is the shutter's timing scatter
+    where it has not been measured.
     """
     found = []
     for number, each in enumerate(track.hypotheses):
@@ -218,7 +233,10 @@ def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
 def leap_track_after_miss(
     track: LeapTrack, t_utc_ns: int, centre_deg: tuple[float, float], radius_deg: float
 ) -> LeapTrack:
-    """Update the track after a frame without a detection within a radius about its centre."""
+    """Update the probabilities after a frame that shows no streak within a radius of its centre.
+
+    ``centre_deg``: right ascension and declination of the frame's centre.
+    """
     changed = []
     for number, each in enumerate(track.hypotheses):
         place = track.ahead(t_utc_ns, number)
@@ -228,7 +246,7 @@ def leap_track_after_miss(
 
 
 def streak_along_motion(streak: StreakEnds, place: PredictedPosition) -> StreakEnds:
-    """Streak in the sense of the motion at this place."""
+    """Streak with its ends in the order of the motion predicted at ``place``."""
     s = np.radians(wrap_180(float(streak.ra_icrs_deg[1] - streak.ra_icrs_deg[0])))
     east = s * np.cos(np.radians(float(np.mean(streak.dec_icrs_deg))))
     north = np.radians(float(streak.dec_icrs_deg[1] - streak.dec_icrs_deg[0]))
@@ -245,8 +263,10 @@ def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> Leap
 
 
 def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypothesis | None:
-    """Hypothesis with the orbit through all streaks, weighed by the shutter's scatter that the
-    orbit shows."""
+    """Hypothesis with the orbit through all streaks.
+
+    They are weighed by the shutter's scatter that the orbit shows.
+    """
     streaks, scatter_s = (*each.streaks, streak), each.scatter_s
     shake_arcsec = each.shake_arcsec
     if each.orbit is None:

@@ -1,11 +1,11 @@
 """Low orbits through one streak, and where they lead: the admissible region. Pure.
 
-A streak gives a direction and its rate; range and range rate remain. Low orbits are nearly circles,
-and a circle through a direction with a rate has one range: so the region is small. How round orbits
-are and how many there are at a height enters as a rough prior, with tails for those that are not.
-Of the two senses of a streak that against the Earth's turn is rare, but for orbits across the
-poles. Source: Milani et al. 2004; DeMars & Jah 2013 for a prior in elements.
-Kilometres, seconds, radians.
+A streak gives a direction and its rate; range and range rate remain unknown. Low orbits are nearly
+circular, and a circular orbit through a direction with a rate has one range: so few combinations of
+range and range rate are likely. How round orbits are and how many there are at a height enters as a
+rough prior, with tails for those that are not round. The sense of a streak that goes against the
+Earth's turn is unlikely, except for orbits across the poles. Source: Milani et al. 2004; DeMars &
+Jah 2013 for a prior in elements. Kilometres, seconds, radians.
 """
 
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_S
 
 LOWEST_KM, HIGHEST_KM = 150.0, 6_000.0
-"""Lowest and highest orbits that are searched."""
+"""Lowest and highest heights of orbits that are searched."""
 LOWEST_PERIGEE_KM = 120.0
 _RANGES, _FALLS = 400, 81
 _STEEPEST = 0.25
@@ -58,7 +58,7 @@ _MOST = 600
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OrbitCloud:
-    """Orbits through a streak, as N states with weights that add up to 1."""
+    """Low orbits through a streak, as N weighted states; the weights add up to 1."""
 
     epoch_utc_ns: int
     r_km: FloatArray
@@ -67,12 +67,12 @@ class OrbitCloud:
     weight: FloatArray
     """Weights (N,) of the states."""
     log_evidence: float
-    """Log probability of the streak in this sense, against the other one."""
+    """Logarithm of the evidence for this sense of the streak, to compare with the other sense's."""
     streak: StreakEnds
 
 
 def cloud_through(site: Site, streak: StreakEnds) -> OrbitCloud | None:
-    """Find low orbits through a whole streak; None where there is none."""
+    """Find the low orbits through a streak with both ends; None where there is none."""
     t = streak.t_utc_ns
     lines = line_of_sight_gcrs(streak.ra_icrs_deg, streak.dec_icrs_deg, t)
     middle = lines.sum(axis=0)
@@ -103,10 +103,10 @@ def cloud_through(site: Site, streak: StreakEnds) -> OrbitCloud | None:
 def cloud_ahead(
     cloud: OrbitCloud, site: Site, t_utc_ns: int, timing_sigma_s: float
 ) -> PredictedPosition | None:
-    """Predict the mean place at an instant and the spread of all orbits, with the errors of the
-    streak's ends.
+    """Predict the mean place of the cloud's orbits at an instant; None where they scatter too far.
 
-    None where most of it is below the ground.
+    The covariance holds the spread of the orbits, the errors of the streak's ends, and the timing
+    error ``timing_sigma_s`` along the motion.
     """
     since_s = (t_utc_ns - cloud.epoch_utc_ns) / NS_PER_S
     r, v = propagate(cloud.r_km, cloud.v_km_s, np.full(len(cloud.weight), since_s))
@@ -137,7 +137,10 @@ def cloud_ahead(
 def nearest_state(
     cloud: OrbitCloud, site: Site, streak: StreakEnds
 ) -> tuple[FloatArray, FloatArray]:
-    """State (3,), (3,) at the cloud's epoch of the orbit nearest to another streak."""
+    """State of the cloud's orbit that passes nearest to another streak.
+
+    Position (3,) and velocity (3,) at the cloud's epoch.
+    """
     t = streak.t_utc_ns
     t_mid_ns = int(t[0] + (t[1] - t[0]) // 2)
     since_s = (t_mid_ns - cloud.epoch_utc_ns) / NS_PER_S
@@ -227,22 +230,24 @@ _LEFT_OUT_KM = (0.3, 0.1)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPass:
-    """One pass above the limit."""
+    """One expected pass above the limit of altitude."""
 
     rise_utc_ns: int
     set_utc_ns: int
     top_altitude_deg: float
     sigma_s: float
-    """One sigma of all three instants."""
+    """One sigma of the pass's instants."""
     sigma_across_deg: float
-    """One sigma across the path, seen from the site when it is highest."""
+    """One sigma across the path at the highest point, as seen from the site."""
 
 
 def passes_above(
     orbit: KnownOrbit, site: Site, from_utc_ns: int, until_utc_ns: int, least_altitude_deg: float
 ) -> Iterator[ExpectedPass]:
-    """Yield passes that begin within a span, one after another; one under way at its start is left
-    out."""
+    """Yield the passes above an altitude that begin within a span, one after another.
+
+    A pass already under way at the start of the span is left out.
+    """
     last_ns = from_utc_ns
     while last_ns < until_utc_ns:
         t = last_ns + (np.arange(_LOOKED_AT) * STEP_S * NS_PER_S).astype(np.int64)
@@ -257,7 +262,10 @@ def passes_above(
 
 
 def along_s_and_across_deg(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> tuple[float, float]:
-    """One sigma along the orbit in seconds, and across it in degrees as seen from the site."""
+    """One sigma along the orbit in seconds, and across the path in degrees.
+
+    The latter as seen from the site.
+    """
     since_s = (t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
     _, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, np.array([since_s]))
     r, v = (each[0] for each in orbit.states(np.array([t_utc_ns])))

@@ -33,24 +33,26 @@ from rsoconsole.sky import ARCSEC_RAD, IntArray, position_angle_deg, separation_
 from rsoconsole.words import NS_PER_S
 
 UNSEEN_ARCSEC = 7200.0
-"""Sigma along the streak of an end that is not in the frame: its line alone is known there."""
+"""Sigma along the streak of an end outside the frame: only the streak's line is known there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StreakEnds:
-    """Places of the light when the shutter opened and when it closed, in one sense."""
+    """Places of an object when the shutter opened and closed, for one sense of its motion."""
 
     t_open_utc_ns: int
     t_close_utc_ns: int
     ra_icrs_deg: FloatArray
-    """Right ascensions (2,) at the opening and at the closing."""
+    """Right ascensions (2,) at opening and closing."""
     dec_icrs_deg: FloatArray
     sigma_along_arcsec: FloatArray
-    """One sigma (2,) of each end along the streak; ``UNSEEN_ARCSEC`` where it is not in the
-    frame."""
+    """One sigma (2,) of each end along the streak.
+
+    ``UNSEEN_ARCSEC`` for an end outside the frame.
+    """
     sigma_across_arcsec: FloatArray
     delay_s: FloatArray = field(default_factory=lambda: np.zeros(2))
-    """Delays (2,) of the exposure of these places' rows after the frame's first row."""
+    """Delays (2,) of the exposure at each place's row after that at the frame's first row."""
 
     @property
     def exposure_s(self) -> float:
@@ -59,12 +61,15 @@ class StreakEnds:
 
     @property
     def t_mid_utc_ns(self) -> int:
-        """Midpoint of opening and closing, by the frame's times."""
+        """Midpoint of opening and closing, without the delays of rows."""
         return (self.t_open_utc_ns + self.t_close_utc_ns) // 2
 
     @property
     def t_utc_ns(self) -> IntArray:
-        """Instants (2,) at which the light was at the two places."""
+        """Instants (2,) at which the object was at the two places.
+
+        With the delays of the places' rows.
+        """
         late_ns = np.rint(self.delay_s * NS_PER_S).astype(np.int64)
         return np.array([self.t_open_utc_ns, self.t_close_utc_ns]) + late_ns
 
@@ -75,23 +80,23 @@ class StreakEnds:
 
     @property
     def length_arcsec(self) -> float:
-        """Length from end to end."""
+        """Angular distance from end to end."""
         return 3600.0 * separation_deg(*self._first, *self._last)
 
     @property
     def speed_arcsec_s(self) -> float:
-        """Angular speed of a whole streak."""
+        """Angular speed; valid where both ends are in the frame."""
         return self.length_arcsec / (float(np.diff(self.t_utc_ns)[0]) / NS_PER_S)
 
     @property
     def rate_arcsec_s(self) -> FloatArray:
-        """Rates (2,) east and north, of a whole streak."""
+        """Rates (2,), east and north; valid where both ends are in the frame."""
         towards = np.radians(position_angle_deg(*self._first, *self._last))
         return self.speed_arcsec_s * np.array([np.sin(towards), np.cos(towards)])
 
     @property
     def covariances_arcsec2(self) -> FloatArray:
-        """Covariances (2, 2, 2) east and north, of either end."""
+        """Covariances (2 ends, 2, 2), east and north."""
         towards = np.radians(position_angle_deg(*self._first, *self._last))
         s, c = np.sin(towards), np.cos(towards)
         along, across = self.sigma_along_arcsec**2, self.sigma_across_arcsec**2
@@ -100,7 +105,7 @@ class StreakEnds:
         return np.stack(parts, axis=-1).reshape(2, 2, 2)
 
     def with_end_error(self, arcsec: float) -> "StreakEnds":
-        """Streak with a further error of each end, independent and in any direction."""
+        """Streak with a further error of each end, independent and equal in all directions."""
         return replace(
             self,
             sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec),
@@ -108,12 +113,12 @@ class StreakEnds:
         )
 
     def with_length_error(self, arcsec: float) -> "StreakEnds":
-        """Streak with a further error of each end along it."""
+        """Streak with a further error of each end along the streak."""
         return replace(self, sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec))
 
     @property
     def reversed(self) -> "StreakEnds":
-        """Streak with its ends exchanged."""
+        """Streak with its ends exchanged, for the other sense of the motion."""
         names = ("ra_icrs_deg", "dec_icrs_deg", "sigma_along_arcsec", "sigma_across_arcsec")
         turned = {name: getattr(self, name)[::-1] for name in (*names, "delay_s")}
         return replace(self, **turned)
@@ -132,9 +137,11 @@ SIGMA_E = 0.03
 _WELL_KNOWN = 0.3
 """Sigma of the eccentricity, as a share of ``SIGMA_E``, below which the prior is left out."""
 LEFT_OUT_KM_S2 = 5e-8
-"""One sigma of each component of the acceleration left out by `zonal.Zonal`: the Earth's
-unevenness along its equator, which pulls with up to 1.4e-7 at 400 km. Over a pass it stands for
-a steady pull."""
+"""One sigma of each component of the acceleration that `zonal.Zonal` leaves out.
+
+It is the pull of the Earth's unevenness along its equator, up to 1.4e-7 at 400 km, and counts as
+steady over a pass.
+"""
 _NO_BIAS_S = 1e-9
 _MAX_STEPS = 25
 _STEADY = 1e-3
@@ -147,21 +154,24 @@ class Timing:
     """Errors of the times of frames, in seconds."""
 
     scatter_s: float
-    """Scatter of each frame by itself, one sigma."""
+    """Timing scatter from frame to frame, one sigma."""
     bias_sigma_s: float = 0.0
     """Bias common to all frames, one sigma."""
     scatter_frames: float = np.inf
-    """Number of frames from which ``scatter_s`` is known; where few, the streaks correct it."""
+    """Number of frames that ``scatter_s`` was found from; where few, the streaks correct it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LowOrbit(KnownOrbit):
-    """An orbit through streaks, at the instant of one in their middle."""
+    """Orbit of a low satellite through streaks; its epoch is near the middle of their time span."""
 
     residuals_arcsec: FloatArray
-    """Residuals (K, 2, 2) of each end, along and across the path: measured minus computed."""
+    """Residuals (K streaks, 2 ends, 2), measured minus computed.
+
+    The last axis: along the path, across it.
+    """
     believes_round: bool
-    """True where the prior on the eccentricity was needed."""
+    """True where the fit needed the prior on the eccentricity."""
     is_converged: bool
 
 
@@ -177,8 +187,7 @@ class _Problem:
     deviation: tuple[FloatArray, FloatArray]
 
     def rows(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-        """Compute whitened residuals, their slopes by the unknowns (rows, 7), and how many are
-        measured.
+        """Compute whitened residuals, their slopes (rows, 7), and how many rows are measured.
 
         The last unknown: seconds after the frame's time at which the light was there.
         """
@@ -230,9 +239,10 @@ class _Problem:
 def fit_streaks(
     site: Site, streaks: Sequence[StreakEnds], start: State, t_start_utc_ns: int, timing: Timing
 ) -> LowOrbit | None:
-    """Fit the orbit near a state (at an instant) to all streaks, each in its sense.
+    """Fit an orbit to all streaks, each in its sense; None where no orbit is found.
 
-    None where there is none. ``streaks`` in order of time, at least two.
+    ``start``: a state near the orbit, at ``t_start_utc_ns``. ``streaks``: at least two, in order of
+    time.
     """
     seen = reduce_directions(
         site,
@@ -302,8 +312,10 @@ def _whitening(
 
 
 def _pulled(problem: _Problem, unknowns: FloatArray) -> FloatArray:
-    """Displacements (3, 4K) in arcsec, by one sigma of a steady pull outward, ahead and aside since
-    the epoch."""
+    """Displacements (3, 4K) in arcsec by one sigma of a steady pull: outward, ahead and aside.
+
+    The pull acts since the epoch.
+    """
     r, v = problem.view.state(unknowns[:6])
     seen = problem.seen
     outward = r / np.linalg.norm(r)
@@ -317,8 +329,10 @@ def _pulled(problem: _Problem, unknowns: FloatArray) -> FloatArray:
 
 
 def _descend(problem: _Problem, unknowns: FloatArray) -> tuple[FloatArray, bool]:
-    """Descend by Levenberg and Marquardt; the deviation by the flattened Earth is computed again
-    after each step."""
+    """Descend by Levenberg and Marquardt.
+
+    The deviation by the flattened Earth is computed again after each step.
+    """
     damping = 1e-9
     value, slopes, _ = problem.rows(unknowns)
     for _ in range(_MAX_STEPS):

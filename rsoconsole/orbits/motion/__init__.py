@@ -1,1 +1,1 @@
-"""Motion about the Earth, closed or by forces, and the places of an object on the sky."""
+"""Motion about the Earth, two-body or by all forces, and the places of an object on the sky."""

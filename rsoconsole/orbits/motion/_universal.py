@@ -19,7 +19,10 @@ _HIGHER_TERMS = 8
 
 
 def within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
-    """Time to the same place on a closed orbit, at most half a revolution away."""
+    """Time less whole periods, at most half a period either way.
+
+    On an open orbit the time itself.
+    """
     period = 2.0 * np.pi / np.sqrt(mu * np.maximum(alpha, 0.0) ** 3)
     reduced = dt - period * np.rint(dt / period)
     return np.where((alpha > 0.0) & np.isfinite(period), reduced, dt)
@@ -28,8 +31,10 @@ def within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
 def universal_anomaly(
     radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """Solve for chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt; all (N,). NaN where none is
-    reached."""
+    """Solve for chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt; all arrays (N,).
+
+    NaN where the iteration does not converge.
+    """
     found = _start(radius, sigma, alpha, h_2, time)
     open_ = np.flatnonzero(np.isfinite(found))
     chi = found[open_]
@@ -99,8 +104,10 @@ def universal_functions(
 
 
 def _stumpff(z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Functions (1 - cos s) / s2 and (s - sin s) / s3 with s2 = z; z < 0 by hyperbolic
-    functions."""
+    """Functions (1 - cos s) / s2 and (s - sin s) / s3 with s2 = z.
+
+    For z < 0 by hyperbolic functions.
+    """
     is_small = np.abs(z) < _SERIES_BELOW
     if np.all(is_small):
         return _stumpff_by_series(z)
@@ -128,7 +135,7 @@ def _stumpff_by_series(z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def higher_functions(chi: FloatArray, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Functions u4 and u5, needed for slopes of the motion; ``chi`` with all its revolutions."""
+    """Functions u4 and u5 of Battin, for slopes; ``chi`` must include all whole revolutions."""
     z = alpha * chi * chi
     c2, c3 = _stumpff(z)
     is_small = np.abs(z) < _HIGHER_SERIES_BELOW

@@ -44,7 +44,7 @@ class PredictedPosition:
 
     @property
     def along_across_arcsec2(self) -> FloatArray:
-        """Covariance (2, 2) along the motion and to its left."""
+        """Covariance (2, 2) along the motion and across it (north of an eastward motion)."""
         speed = max(self.speed_arcsec_s, 1e-9)
         e, n = (each / speed for each in self.rate_arcsec_s.tolist())
         (ee, en), (_, nn) = self.covariance_arcsec2.tolist()
@@ -55,28 +55,28 @@ class PredictedPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictedSkyPath:
-    """Places at N instants in order, near enough for a cubic between two."""
+    """Predicted places at N instants in order, near enough for a cubic between two."""
 
     t_utc_ns: IntArray
     lines: FloatArray
     """Unit vectors (N, 3) to the places."""
     rates: FloatArray
-    """Changes (N, 3) of the unit vectors, radians a second, across them."""
+    """Changes (N, 3) of the unit vectors, rad/s, at right angles to them."""
     along_across_arcsec2: FloatArray
-    """Covariances (N, 2, 2) along the motion and to its left."""
+    """Covariances (N, 2, 2) along the motion and across it (north of an eastward motion)."""
 
     @property
     def from_utc_ns(self) -> int:
-        """Its first instant."""
+        """First instant of the path."""
         return int(self.t_utc_ns[0])
 
     @property
     def until_utc_ns(self) -> int:
-        """Its last instant."""
+        """Last instant of the path."""
         return int(self.t_utc_ns[-1])
 
     def at(self, t_utc_ns: int) -> PredictedPosition | None:
-        """Predict the place at an instant; None before the first and after the last."""
+        """Predict the place at an instant; None outside the instants of the path."""
         if not self.from_utc_ns <= t_utc_ns <= self.until_utc_ns:
             return None
         # Plain numbers: a leap asks for some forty places, and arrays of three are slow.
@@ -120,7 +120,7 @@ def _combined(by: _Four, values: _Four) -> float:
 
 
 def path_of(places: list[PredictedPosition]) -> PredictedSkyPath:
-    """Path through places in order of time, at least two."""
+    """Make a path through predicted places, at least two, in order of time."""
     ra, dec = (np.array([each.direction_deg[n] for each in places]) for n in (0, 1))
     lines = direction_to_unit(ra, dec)
     a = np.radians(ra)

@@ -1,8 +1,8 @@
 """Motion about the real Earth: zonal harmonics, Moon, Sun, and sunlight's push. Pure.
 
-Predictions beyond an hour need it: about a point mass a geostationary satellite is 3 arcsec off
-after four hours and minutes of arc after a day. Source of the forces: Montenbruck & Gill 2000,
-Satellite Orbits, 3.2 to 3.4; zonal coefficients of EGM96, the sectorial pair that moves
+Predictions beyond an hour need these forces: about a point mass a geostationary satellite is 3
+arcsec off after four hours and minutes of arc after a day. Source of the forces: Montenbruck & Gill
+2000, Satellite Orbits, 3.2 to 3.4; zonal coefficients of EGM96, the sectorial pair that moves
 geostationary satellites too; Sun and Moon by IAU SOFA. Integrated by Dormand and Prince's eighth
 order (scipy's DOP853). Kilometres, seconds, along GCRS axes.
 
@@ -39,7 +39,7 @@ EARTH_TURN_RAD_S = 7.292_115_146_706_979e-5
 SUN_PRESSURE_N_M2 = 4.56e-6
 """Radiation pressure at one astronomical unit."""
 AREA_TO_MASS_M2_KG = 0.026
-"""Area over mass times reflectivity of a usual geostationary satellite: 0.02 m2/kg and 1.3."""
+"""Area over mass, 0.02 m2/kg, times reflectivity, 1.3, of a usual geostationary satellite."""
 _KNOT_S = 3600
 _BLOCK_S = 6 * _KNOT_S
 _TOLERANCE = 1e-10
@@ -66,7 +66,7 @@ class PerturbedPropagator:
     """Propagation with zonal harmonics, Moon, Sun and radiation pressure."""
 
     epoch_utc_ns: int
-    """Instant from which times are counted."""
+    """Epoch, from which the times of `states` are counted."""
     area_to_mass_m2_kg: float = AREA_TO_MASS_M2_KG
     """Area over mass times the reflectivity; 0: no radiation pressure."""
     _fields: list["_Field"] = field(default_factory=list, repr=False, compare=False)
@@ -74,7 +74,10 @@ class PerturbedPropagator:
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (N, 3) at times (N,). NaN where the object has come down."""
+        """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,).
+
+        NaN where the object has decayed.
+        """
         times = np.atleast_1d(np.asarray(t_s, float))
         out = np.full((len(times), 6), np.nan)
         start = np.concatenate([r_km, v_km_s])
@@ -241,8 +244,10 @@ def _lit(r: Vector, sun: Vector) -> float:
 
 
 def _pull(mu: float, body: Vector, r: Vector) -> Vector:
-    """Attraction of a far body on the object, less that on the Earth; without loss of digits
-    (Battin 8.61)."""
+    """Attraction of a far body on the object, less that on the Earth.
+
+    Without loss of digits (Battin 8.61).
+    """
     x, y, z = r
     bx, by, bz = body
     ax, ay, az = x - bx, y - by, z - bz
@@ -260,8 +265,10 @@ _come_down.terminal = True  # type: ignore[attr-defined]
 
 
 STEP_S = 20.0
-"""Step of the zonal integration, whose error is a tenth of a millimetre at 400 km, and between two
-steps some."""
+"""Step of the zonal integration.
+
+The error at 400 km is a tenth of a millimetre at the steps, and somewhat more between two.
+"""
 _State = tuple[float, float, float, float, float, float]
 
 
@@ -274,15 +281,18 @@ def _pole(day: int) -> Vector:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Zonal:
-    """Propagation (a `forces.Motion`) by the Earth alone, symmetric about its axis."""
+    """Propagation (a `forces.Motion`) by the Earth's gravity alone, symmetric about its axis."""
 
     epoch_utc_ns: int
-    """Instant from which times are counted."""
+    """Epoch, from which the times of `states` are counted."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (N, 3) at times (N,). NaN where the object has come down."""
+        """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,).
+
+        NaN where the object has decayed.
+        """
         times = np.atleast_1d(np.asarray(t_s, float))
         out = np.full((len(times), 6), np.nan)
         start = np.concatenate([r_km, v_km_s])

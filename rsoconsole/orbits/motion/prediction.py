@@ -21,7 +21,7 @@ from rsoconsole.words import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KnownOrbit:
-    """A state, its covariance and the forces on it."""
+    """Orbit: a state at an epoch, its covariance and the forces that move the object."""
 
     epoch_utc_ns: int
     r_km: FloatArray
@@ -30,7 +30,7 @@ class KnownOrbit:
     covariance: FloatArray
     """Covariance (6, 6), km and km/s."""
     forces: Motion
-    """Propagator of the state."""
+    """Propagator of the state, with the forces."""
 
     def states(self, t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         """GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
@@ -39,7 +39,7 @@ class KnownOrbit:
 
 
 def orbit_from_record(estimate: OrbitEstimate) -> KnownOrbit:
-    """Orbit from a record."""
+    """Make an orbit from a recorded estimate."""
     return KnownOrbit(
         epoch_utc_ns=estimate.epoch_utc_ns,
         r_km=np.array(estimate.r_gcrs_km),
@@ -61,7 +61,7 @@ than a normal error's."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prediction:
-    """Places at N instants, as a plate solution would measure them."""
+    """Predicted places at N instants, as a plate solution would measure them."""
 
     places: Places
     cov_sky_arcsec2: FloatArray
@@ -78,8 +78,8 @@ class Prediction:
 def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
     """Predict astrometric places (ICRS) seen from a site at instants (N,), with their covariance.
 
-    The orbit's covariance is carried by the two-body motion, along the line of the largest error
-    to the second order. NaN where the object has come down.
+    The covariance is propagated by two-body motion, to the second order along the line of its
+    largest error. NaN where the object has decayed.
     """
     t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
     since_s = (t - orbit.epoch_utc_ns) / NS_PER_S
@@ -101,7 +101,7 @@ def predict(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> Prediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SkyMotion:
-    """Place and motion at one instant, as a plate solution would measure them."""
+    """Predicted place and motion at one instant, as a plate solution would measure them."""
 
     ra_icrs_deg: float
     dec_icrs_deg: float
@@ -112,7 +112,10 @@ class SkyMotion:
 
 
 def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | None:
-    """Predict place, rates and their covariance, for a filter; None where there is no place."""
+    """Predict place, rates and their covariance, to restart a filter.
+
+    None where nothing can be predicted.
+    """
     instants = t_utc_ns + _MOMENT_S * NS_PER_S * np.array([-1, 0, 1])
     ahead = predict(orbit, site, instants)
     places = ahead.places

@@ -1,4 +1,4 @@
-"""Motion about a point mass: states carried through any time, elements of a state. Pure.
+"""Motion about a point mass: states propagated to any time, elements of a state. Pure.
 
 Kilometres, seconds, km/s along any inertial axes. Source: Battin 1999, An Introduction to the
 Mathematics and Methods of Astrodynamics, chapter 4 for the motion, chapter 9 for its slopes.
@@ -34,7 +34,7 @@ class Elements:
     argp_deg: float
     """Argument of perigee; 0 for a circle, whose anomaly counts from the node."""
     m_deg: float
-    """Mean anomaly; for a hyperbola 0 to infinity either way."""
+    """Mean anomaly; for a hyperbola any number, negative before perigee."""
 
 
 def propagate(
@@ -238,7 +238,7 @@ def _cross_of_one(one: FloatArray, other: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoBodyPropagator:
-    """Propagation (a `forces.Motion`) by the Earth's attraction from its centre alone."""
+    """Propagation (a `forces.Motion`) about the Earth as a point mass."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray

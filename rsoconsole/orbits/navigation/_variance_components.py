@@ -25,16 +25,21 @@ class Block:
     z: FloatArray
     """Measurements (N,)"""
     x: FloatArray
-    """Slopes (N, unknowns) of the measurements."""
+    """Slopes (N, unknowns) of the measurements by the unknowns."""
     parts: Mapping[int, FloatArray]
-    """Contributions (N, N) to their covariance, by number of a variance; a missing one contributes
-    nothing."""
+    """Contributions (N, N) of the variances to the measurements' covariance.
+
+    By the index of the variance; one that is missing contributes nothing.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Known:
-    """Prior knowledge: precisions of the unknowns (about 0), and of each variance its start, least
-    value, and mean and sigma of a belief in it (infinite: none)."""
+    """Prior knowledge of the unknowns and of the variances.
+
+    The unknowns have mean 0 and these precisions. Each variance has a starting value (``start``), a
+    lower bound (``least``), and a Gaussian prior (``means``, ``sigmas``; sigma infinite: no prior).
+    """
 
     precisions: FloatArray
     start: FloatArray
@@ -42,25 +47,29 @@ class Known:
     means: FloatArray
     sigmas: FloatArray
     is_widened: FloatArray
-    """Mask, 1 where the unknowns' errors count one sigma more of a variance that few measurements
-    determine."""
+    """1 for a variance that few measurements determine, 0 for the others.
+
+    The unknowns' errors are computed with such a variance increased by one sigma.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fit:
-    """Likeliest unknowns and variances together."""
+    """Most likely unknowns and variances, found together."""
 
     unknowns: FloatArray
     covariance: FloatArray
     variances: FloatArray
     variance_sigmas: FloatArray
     covariance_by_blocks: FloatArray | None
-    """Covariance by how the blocks differ from one another, whatever their own errors (the
-    jackknife: Efron 1982); None where they are too few."""
+    """Covariance of the unknowns by the scatter between blocks (the jackknife: Efron 1982).
+
+    It does not rely on the stated variances. None where the blocks are too few.
+    """
 
 
 def fit(blocks: Sequence[Block], known: Known) -> Fit:
-    """Fit the likeliest unknowns and variances together."""
+    """Find the most likely unknowns and variances together."""
     belief = known.sigmas**-2.0
     variances = known.start
     for _ in range(_STEPS):

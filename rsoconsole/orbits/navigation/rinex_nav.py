@@ -23,7 +23,10 @@ from rsoconsole.sky import IntArray
 from rsoconsole.words import NS_PER_S
 
 LONGEST_AGE_S = 7200.0
-"""Longest time from the time of ephemeris: half the interval that a GPS message is fitted to."""
+"""Largest distance in time from the time of ephemeris at which a message is used.
+
+Half the interval that a GPS message is fitted to.
+"""
 _MU_KM3_S2 = {"G": 398600.5, "J": 398600.5, "E": 398600.4418, "C": 398600.4418}
 _TURN_RAD_S = {"G": 7.2921151467e-5, "J": 7.2921151467e-5, "E": 7.2921151467e-5, "C": 7.292115e-5}
 _KEPLER_LINES = 8
@@ -39,12 +42,12 @@ _MESSAGES = {"LNAV", "INAV", "FNAV", "D1", "D2"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ephemeris:
-    """One broadcast message; radians, seconds, angles at ``toe``."""
+    """One broadcast ephemeris; radians, seconds, angles at ``toe``, the time of ephemeris."""
 
     system: str
     toe_gps_ns: int
     toe_s: float
-    """Time of ephemeris, second of the system's week."""
+    """Time of ephemeris, as second of the system's week."""
     root_a: float
     """Root of the semi-major axis, root of metres."""
     e: float
@@ -63,7 +66,7 @@ class Ephemeris:
     cis: float
 
     def position_km(self, t_gps_ns: IntArray, after_s: float = 0.0) -> FloatArray:
-        """Positions (N, 3), Earth-fixed, ``after_s`` after the instants."""
+        """Positions (N, 3), Earth-fixed, at the instants plus ``after_s``."""
         t_s = (t_gps_ns - self.toe_gps_ns) / NS_PER_S + after_s
         a_km = self.root_a**2 / 1000.0
         mean = self.m0 + (np.sqrt(_MU_KM3_S2[self.system] / a_km**3) + self.delta_n) * t_s
@@ -94,13 +97,16 @@ class Ephemeris:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BroadcastOrbit:
-    """Orbit of one satellite by its messages, each as long as it is valid."""
+    """Orbit of one satellite by its broadcast messages."""
 
     messages: tuple[Ephemeris, ...]
     """Messages in order of ``toe``."""
 
     def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Positions as in ``navigation.EarthFixedOrbit``, by the message nearest in time."""
+        """Positions as in ``navigation.EarthFixedOrbit``, by the message nearest in time.
+
+        NaN farther than `LONGEST_AGE_S` from every message.
+        """
         t = np.atleast_1d(np.asarray(t_gps_ns, np.int64))
         toe = np.array([each.toe_gps_ns for each in self.messages], np.int64)
         nearest = np.argmin(np.abs(t[:, None] - toe), axis=1)
@@ -117,7 +123,7 @@ class BroadcastOrbit:
 
 
 def parse_rinex_nav(texts: dict[str, str]) -> NavigationFile:
-    """Read RINEX texts, by the names of their files, as one.
+    """Read RINEX texts, keyed by file name, as one set of orbits.
 
     Raises OrbitError naming file and line for any other kind of file, and for damage. A last
     message that breaks off (the file was still being written) is left out.

@@ -1,8 +1,9 @@
 """Precise orbits as analysis centres publish them: SP3-c and SP3-d. Pure.
 
-Source: Hilla, "The Extended Standard Product 3 Orbit Format (SP3-d)", 2016. Between its epochs a
-polynomial through ten of them, along axes that do not turn with the Earth: centimetres at steps of
-5 and 15 min; in the outermost intervals of a file, where it is one-sided, decimetres.
+Source: Hilla, "The Extended Standard Product 3 Orbit Format (SP3-d)", 2016. Between the epochs of a
+file positions are interpolated by a polynomial through ten epochs, along axes that do not turn with
+the Earth. The error is centimetres at steps of 5 and 15 min; in the outermost intervals of a file,
+where the polynomial is one-sided, decimetres.
 """
 
 from collections import Counter, defaultdict
@@ -33,46 +34,49 @@ TAI_MINUS_GPS_S = 19
 Kind = Literal["broadcast", "sp3", "tle"]
 
 SIGMA_KM: Mapping[Kind, float] = {"broadcast": 0.002, "sp3": 0.0005, "tle": 1.0}
-"""One sigma of a place across the line of sight, stated: metres for broadcast ephemerides and the
-satellite's middle against its antenna, a kilometre for elements."""
+"""Assumed error of a place across the line of sight, one sigma, by kind of orbit.
+
+Metres for broadcast ephemerides; for SP3 the satellite's middle against its antenna; a kilometre
+for elements.
+"""
 SYSTEMS = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "R": "GLONASS"}
 
 
 class EarthFixedOrbit(Protocol):
-    """Positions of one satellite, whatever the kind of file."""
+    """Interface of one satellite's orbit, whatever the kind of file."""
 
     def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Position (N, 3) km and velocity (N, 3) km/s, both along Earth-fixed axes.
+        """Positions and velocities (N, 3), km and km/s, both along Earth-fixed axes.
 
-        The velocity is that against axes that do not turn. NaN where the file does not reach.
+        The velocity is relative to axes that do not turn. NaN outside the time span of the file.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationSatellite:
-    """One satellite of a file."""
+    """One satellite with a published orbit."""
 
     name: str
-    """Name, system and number, as ``G04``; for elements their name."""
+    """Name: system and number, as ``G04``; for elements the object's name."""
     kind: Kind
     position_gcrs: PositionOf
-    """Position by instant, GCRS; NaN where the file does not reach."""
+    """Function from instants to GCRS position and velocity; NaN outside the file's time span."""
     norad_id: int | None = None
 
     @property
     def sigma_km(self) -> float:
-        """Stated error of its place, one sigma, across the line of sight."""
+        """Assumed error of its place across the line of sight, one sigma."""
         return SIGMA_KM[self.kind]
 
     def places(self, site: Site, t_utc_ns: IntArray) -> Places:
-        """Places from a site, as a plate solution measures them."""
+        """Places at instants, seen from a site, as a plate solution measures them."""
         return astrometric_places(self.position_gcrs, site, t_utc_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavigationFile:
-    """Satellites read from one or several files of a kind."""
+    """Satellites read from one or several files of one kind."""
 
     kind: Kind
     satellites: tuple[NavigationSatellite, ...]
@@ -83,20 +87,20 @@ class NavigationFile:
 
 
 def gps_ns_of_utc(t_utc_ns: TimeLike) -> IntArray:
-    """GPS time of UTC."""
+    """Convert UTC to GPS time, both in nanoseconds."""
     later_s = tai_minus_utc_s(t_utc_ns) - TAI_MINUS_GPS_S
     return np.asarray(np.asarray(t_utc_ns, np.int64) + np.rint(later_s).astype(np.int64) * NS_PER_S)
 
 
 def utc_ns_of_gps(t_gps_ns: TimeLike) -> IntArray:
-    """UTC of GPS time."""
+    """Convert GPS time to UTC, both in nanoseconds."""
     t = np.asarray(t_gps_ns, np.int64)
     guess = t - (gps_ns_of_utc(t) - t)
     return np.asarray(t - (gps_ns_of_utc(guess) - guess))
 
 
 def satellite(name: str, kind: Kind, orbit: EarthFixedOrbit) -> NavigationSatellite:
-    """Satellite with a known orbit along Earth-fixed axes."""
+    """Make a satellite from its orbit along Earth-fixed axes."""
 
     def position_gcrs(t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         r, v = orbit.position(gps_ns_of_utc(t_utc_ns))
@@ -115,7 +119,7 @@ def navigation_file(
     reach_gps_ns: tuple[int, int],
     skipped: Mapping[str, int],
 ) -> NavigationFile:
-    """A file of these orbits; ``reach_gps_ns``: its first and last instant."""
+    """Make a file of these orbits; ``reach_gps_ns``: its first and last instant."""
     first, last = utc_ns_of_gps(np.array(reach_gps_ns)).tolist()
     return NavigationFile(
         kind=kind,
@@ -127,7 +131,7 @@ def navigation_file(
 
 
 def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) -> None:
-    """Raise OrbitError where the file is of other days than every one of the instants."""
+    """Raise OrbitError where none of the instants is within the time span of the file."""
     inside = [t for t in t_utc_ns if found.first_utc_ns <= t <= found.last_utc_ns]
     if t_utc_ns and not inside:
         first, last = (utc_ns_to_iso(t, 0) for t in (found.first_utc_ns, found.last_utc_ns))
@@ -139,7 +143,10 @@ def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) 
 
 
 NODES, MIN_NODES = 10, 6
-"""Epochs of a polynomial, and least number of them, which gives a metre at steps of 15 min."""
+"""Number of epochs that a polynomial goes through, and the least number.
+
+The least number gives a metre at steps of 15 min.
+"""
 _HALF_S = 0.5
 _NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 -- a calendar, which of the time systems the file says
@@ -149,16 +156,18 @@ _SECONDS_LATER = {"GPS": 0.0, "GAL": 0.0, "QZS": 0.0, "IRN": 0.0, "BDT": float(G
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SampledOrbit:
-    """One satellite at the epochs of a file."""
+    """Orbit of one satellite as positions at the epochs of a file."""
 
     t_gps_ns: IntArray
-    """Epochs (M,), rising."""
+    """Epochs (M,), ascending."""
     r_km: FloatArray
     """Positions (M, 3), Earth-fixed."""
 
     def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Positions as in ``navigation.EarthFixedOrbit``; NaN beyond its epochs nor across a
-        gap."""
+        """Positions as in ``navigation.EarthFixedOrbit``, by interpolation.
+
+        NaN outside the epochs and in a gap between them.
+        """
         t = np.atleast_1d(np.asarray(t_gps_ns, np.int64))
         nodes, is_known = self._nodes(t)
         since_s = (self.t_gps_ns[nodes] - t[:, None]) / NS_PER_S
@@ -177,8 +186,7 @@ class SampledOrbit:
         )
 
     def _nodes(self, t: IntArray) -> tuple[IntArray, npt.NDArray[np.bool_]]:
-        """Indices (N, NODES) of the epochs around each instant, and whether they reach around
-        it."""
+        """Indices (N, NODES) of the epochs about each instant, and whether they enclose it."""
         count = min(NODES, len(self.t_gps_ns))
         after = np.searchsorted(self.t_gps_ns, t)
         first = np.clip(after - count // 2, 0, len(self.t_gps_ns) - count)
@@ -199,7 +207,7 @@ def _weights(since_s: FloatArray, at_s: float) -> FloatArray:
 
 
 def parse_sp3(texts: dict[str, str]) -> NavigationFile:
-    """Read SP3 texts, by the names of their files, as one: several days are one arc.
+    """Read SP3 texts, keyed by file name, as one: several days are one arc.
 
     Raises OrbitError naming file and line for any other format than SP3-c or SP3-d, and for damage.
     """

@@ -3,15 +3,15 @@
 A satellite seen d arcsec ahead of its place along its motion was seen d / rate late. Each measured
 direction minus its orbit, at the instant that the frame's header names, is
 
-    rate x (bias + scatter of the frame + row x line time) + drift of the night + place of the track
-    + the measurement's own error,
+rate x (bias + scatter of the frame + row x line time) + drift of the night
++ place of the track + the measurement's own error,
 
 where drift is the common error of all catalogue stars of a night, and the place of a track the
-error of one orbit and its field's stars. Drift is separated from time by satellites that move in
-several directions. Scatter, the places, the scale of the measurements' own errors and what ends are
-found worse than that are variances, found with the unknowns (``_variance_components``). Wind at one
-end is not that at the other, so that it shows in the lengths of streaks; the shutter moves a streak
-as a whole: that tells the two apart.
+error of one orbit and its field's stars. Satellites that move in several directions separate drift
+from time. Four kinds of errors have variances found with the unknowns (``_variance_components``):
+the scatter, the places, the scale of the measurements' own errors, and errors of streak ends beyond
+their sigmas. Wind moves the two ends of a streak differently and so changes its length; the shutter
+moves a streak as a whole: so the lengths separate the two.
 """
 
 import math
@@ -29,20 +29,22 @@ Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 DRIFT_PRIOR_ARCSEC = 0.5
-"""One sigma of the common error of all stars of a night, stated: proper motions that are old or not
-known."""
+"""Assumed sigma of the error common to all stars of a night.
+
+Proper motions that are old or unknown cause it.
+"""
 LINE_TIME_PRIOR_S = 300e-6
-"""One sigma of the line time before any measurement: no camera reads a row in a millisecond."""
+"""Prior sigma of the line time: no camera reads a row in a millisecond."""
 LINE_TIME_KNOWN_S = 10e-6
-"""Largest sigma of a line time that counts as found; else the configured one stands."""
+"""Largest sigma of a line time that counts as found; above it the configured one is used."""
 PLACE_PRIOR_ARCSEC = 0.05
-"""One sigma of a track's own offset, stated: its orbit and the stars of its field."""
+"""Assumed sigma of a track's own offset, by its orbit and the stars of its field."""
 PLACE_WIDTH = 2.0
-"""One sigma of a track's own offset over its stated size."""
+"""Width of the prior on a track's own offset, as a multiple of the assumed sigma."""
 SCALE_PRIOR = 0.5
-"""One sigma of the scale of the measurements' own variances."""
+"""Width of the prior on the scale of the measurements' own errors."""
 MIN_MEASUREMENTS = 6
-"""Least number of measurements of a calibrated camera mode."""
+"""Least number of measurements with which a camera mode is calibrated."""
 _TOO_FAR = 13.8
 """Largest squared distance of a measurement with two degrees of freedom: one good one in a thousand
 is farther."""
@@ -66,28 +68,28 @@ class TimedDirections:
     """Measured directions of satellites with known orbits; every array starts with N."""
 
     offset_arcsec: FloatArray
-    """Offsets (N, 2), measured minus predicted for the header's mid-exposure, east and north."""
+    """Offsets (N, 2), east and north: measured minus predicted for the header's mid-exposure."""
     rate_arcsec_s: FloatArray
     """Rates (N, 2) of the satellite, east and north."""
     covariance_arcsec2: FloatArray
-    """Covariances (N, 2, 2) of the measurement, without any error of its time."""
+    """Covariances (N, 2, 2) of the measurements, without any error of time."""
     row_px: FloatArray
-    """Row of the streak's middle."""
+    """Row (N,) of the streak's middle."""
     mode: Index
-    """Index of its camera mode."""
+    """Index (N,) of the direction's camera mode."""
     frame: Index
-    """Number of its frame, unique over nights."""
+    """Number (N,) of the direction's frame, unique over nights."""
     track: Index
-    """Number of satellite and night together."""
+    """Number (N,) of the track: one for each satellite and night."""
     night: Index
     length_off_arcsec: FloatArray
-    """Excess of the streak's length over those of its track; NaN where they are too few."""
+    """Length of the streak minus the usual one of its track; NaN where its streaks are too few."""
     length_sigma_arcsec: FloatArray
     """One sigma of the length, as stated."""
     is_by_ends: Mask
-    """True where the middle is that between two ends alone, which may be worse than stated."""
+    """True where the middle comes from two ends alone, whose errors may exceed their sigmas."""
     tail: FloatArray
-    """Factor on the variances of a direction that lies far off; found in the adjustment."""
+    """Factor on the variances of a direction that lies far off; set by the adjustment."""
 
     @property
     def ahead(self) -> FloatArray:
@@ -112,7 +114,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShutterTiming:
-    """Timing of one camera mode; seconds."""
+    """Timing of the shutter in one camera mode; seconds."""
 
     bias_s: Estimate
     """True mid-exposure of the first row minus the header's."""
@@ -120,11 +122,13 @@ class ShutterTiming:
     """Timing scatter from frame to frame, one sigma."""
     line_time_s: Estimate
     is_line_time_found: bool
-    """True where the line time was found; if not, it is the configured one, and the bias holds with
-    that alone."""
+    """True where the line time was found; False where it is the configured one.
+
+    The bias then holds only together with the configured line time.
+    """
     middle_row_px: float
     bias_at_middle_s: Estimate
-    """Bias at the rows where the streaks lie, where it is known best."""
+    """Bias at the row ``middle_row_px``, at which it is known best."""
     measurements: int
     frames: int
     tracks: int
@@ -135,14 +139,14 @@ class ShutterTiming:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeCalibration:
-    """Result of the whole adjustment."""
+    """Result of the calibration of all modes and nights."""
 
     modes: tuple[ShutterTiming | None, ...]
     """Timing by camera mode; None where a mode has too few measurements."""
     drift_arcsec: tuple[tuple[Estimate, Estimate], ...]
     """Drift of each night, east and north: measured minus orbit."""
     is_separated: tuple[bool, ...]
-    """True for each night whose satellites separate drift from time; if not, the prior does."""
+    """True for each night whose satellites separate drift from time; if False, the prior does."""
     place_arcsec: float
     """One sigma of a track's own offset."""
     error_scale: float
@@ -177,8 +181,9 @@ def calibrate(
 ) -> TimeCalibration:
     """Calibrate bias, scatter and line time of each mode, and the drift of each night.
 
-    ``line_time_s``: of each mode as configured, used where it cannot be found. ``place_arcsec``:
-    accuracy of the orbits, one sigma. Raises OrbitError where no mode has enough measurements.
+    ``modes``, ``nights``: how many there are. ``line_time_s``: the configured line time of each
+    mode, used where it cannot be found. ``place_arcsec``: accuracy of the orbits, one sigma. Raises
+    OrbitError where no mode has enough measurements.
     """
     counts = [int(np.sum(seen.mode == mode)) for mode in range(modes)]
     if max(counts, default=0) < MIN_MEASUREMENTS:

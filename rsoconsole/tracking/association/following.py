@@ -26,18 +26,18 @@ from rsoconsole.tracking.filters.streak_length import NO_STREAKS, StreakHistory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rival:
-    """Streaks that do not fit the track but each other."""
+    """Streaks that do not fit the track but fit each other."""
 
     measurements: tuple[Measurement, ...]
     track: TrackState | None = None
-    """Track through the streaks, from the second on."""
+    """Track through these streaks; None while there is only one."""
 
 
 Choice = Literal["nearest", "most confident"]
 NO_DETECTION = Missed(kind="no detection")
 ONLY_CROSSING = Missed(kind="crossing")
 TRACKABLE_CLASSES = ("satellite", "undetermined")
-"""Classes of streaks that initiate a track; others do only by the operator's choice."""
+"""Classes of streaks that may initiate a track; any other needs the operator's choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,9 +50,12 @@ class FrameInput:
     measurements: tuple[Measurement, ...]
     """Measurements of the frame, most confident first."""
     absence: Missed | Callable[[], Missed] = NO_DETECTION
-    """Reason recorded for a miss in this frame; a function is called only where there is one."""
+    """Reason to record for a track that the frame does not show.
+
+    A function is called only where a track is missed.
+    """
     field: Field | None = None
-    """Field of the frame; None where it is not known."""
+    """Field of the frame; None where it is unknown."""
     star_width_arcsec: float | None = None
     """Full width of its stars at half maximum; None where it was not measured."""
     chosen: Measurement | None = None
@@ -62,16 +65,19 @@ class FrameInput:
     dropped: tuple[int, ...] = ()
     """Numbers of the tracks that the operator drops from this frame on."""
     kept: tuple[int, ...] = ()
-    """Numbers of the tracks that no miss is to end from this frame on."""
+    """Numbers of the tracks that the operator keeps: from this frame on no miss ends them."""
     released: tuple[int, ...] = ()
-    """Numbers of the kept tracks that misses may end again."""
+    """Numbers of kept tracks that the operator releases: misses may end them again."""
     by_orbit: Callable[[TrackState], TrackState | None] | None = None
-    """Return the orbit's prediction in the place of one that failed, None where it has none; called
-    only where nothing fits."""
+    """Function from a track as its filter predicts it to the track as its orbit predicts it.
+
+    It gives None where there is no orbit, and is called only after a long coast or where no
+    measurement fits the filter's prediction.
+    """
 
     @property
     def why_absent(self) -> Missed:
-        """Return the reason of a miss in this frame."""
+        """Reason of a miss in this frame."""
         return self.absence if isinstance(self.absence, Missed) else self.absence()
 
 
@@ -84,10 +90,16 @@ class FollowSettings:
     """Distance from the centre to the nearest edge of the usable field."""
     choice: Choice = "nearest"
     bend: Callable[[int, tuple[float, float], tuple[float, float]], Bend | None] | None = None
-    """Return the possible bend of an orbit through a direction with a rate (east, north, arcsec/s)
-    at an instant; None: unknown."""
+    """Function for the bend that the path of an orbit may have; None: unknown.
+
+    Its arguments are an instant, a direction, and a rate (east, north, arcsec/s); its result may be
+    None too.
+    """
     is_shutter_known: bool = False
-    """True where the frame's camera mode is calibrated: its scatter is in every measurement."""
+    """True where the frame's camera mode is calibrated.
+
+    The shutter's scatter is then part of every measurement's covariance.
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,50 +107,55 @@ class LiveTrack:
     """One track between two frames."""
 
     track: TrackState
-    """Last state of the filter: updated, or predicted to the frame that missed."""
+    """Last state of the filter: updated, or predicted to a frame that missed the track."""
     taken: Measurement | None = None
     """Last accepted measurement."""
     neighbours: tuple[Neighbour, ...] = ()
-    """Objects beside it with the same motion."""
+    """Objects beside the tracked one with the same motion."""
     rivals: tuple[Rival, ...] = ()
-    """Streaks since its last update that fit nothing but each other; preset ``adaptive`` only."""
+    """Streaks since the track's last update that fit only each other; preset ``adaptive`` only."""
     unexplained: int = 0
-    """Number of frames since its last update in which it was not seen although nothing hid it."""
+    """Number of frames since its last update that missed the object although nothing hid it."""
     streaks: StreakHistory = NO_STREAKS
     """Shapes of its last streaks."""
     ambiguous: int = 0
-    """Number of frames in a row that could not separate it from another track."""
+    """Number of frames in a row that could not separate its streak from another track's."""
     is_kept: bool = False
-    """True where the operator keeps it: no miss ends it while it may be in the field."""
+    """True where the operator keeps the track: no miss ends it while it may be in the field."""
     since_utc_ns: int = 0
-    """Instant of its second measurement, which initiated it; 0: not known."""
+    """Instant of the last measurement that initiated it; 0: unknown."""
     trial: int = 1
-    """Measurements after its second that it needs to outlive a miss where it does not lead."""
+    """Number of updates after its initiation that it needs to outlive a miss.
+
+    A lead that needs more ends with a miss only where another track is confirmed.
+    """
 
     @property
     def is_on_trial(self) -> bool:
-        """True where chance may have made it: the next frame has to show it."""
+        """True while chance may have made the track: the next frame has to show it."""
         return self.track.innovations < self.trial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """State of the loop between two frames."""
+    """State of the fold between two frames."""
 
     state: LoopState = "SEARCH"
     candidates: tuple[Measurement, ...] = ()
-    """Measurements of the last frame, each of which may initiate a track."""
+    """Measurements of the last frame that may initiate a track."""
     earlier: tuple[Measurement, ...] = ()
-    """Measurements of earlier frames that may still initiate one, with later frames that agree."""
+    """Measurements of earlier frames that may still initiate a track with later ones."""
     tracks: tuple[LiveTrack, ...] = ()
     """Tracks, the lead first; empty where there is none."""
     pattern: TrackPattern = NO_PATTERN
     """Relative positions of the tracks."""
     last_track_id: int = 0
-    """Number of the session's last track; 0 before the first."""
+    """Number of the last track initiated in the session; 0 before the first."""
     dropped: tuple[LiveTrack, ...] = ()
-    """Tracks that the operator has dropped and that may still be in the field: their streaks
-    initiate none."""
+    """Tracks that the operator has dropped and that may still be in the field.
+
+    Their streaks initiate no track.
+    """
 
     @property
     def track(self) -> TrackState | None:
@@ -161,7 +178,7 @@ class Following:
         candidates: tuple[Measurement, ...] = (),
         earlier: tuple[Measurement, ...] = (),
     ) -> "Following":
-        """Return the state without any track; the next one has another number."""
+        """Return a state without tracks; new tracks are numbered on from ``last_track_id``."""
         return Following(
             state=state,
             candidates=candidates,
@@ -180,7 +197,7 @@ def not_followed(
 
 
 def with_track_id(records: tuple[FoldRecord, ...], track_id: int | None) -> tuple[FoldRecord, ...]:
-    """Return the records with the number of the track that refused measurements or was missed."""
+    """Return the records, with the track's number in misses and rejected measurements."""
     return tuple(
         replace(each, track_id=track_id) if isinstance(each, NotFollowed | Miss) else each
         for each in records
@@ -188,12 +205,12 @@ def with_track_id(records: tuple[FoldRecord, ...], track_id: int | None) -> tupl
 
 
 def expected_motion(track: TrackState, exposure_s: float) -> Motion:
-    """Motion on the sky during one exposure at the track's rates."""
+    """Motion on the sky during one exposure, at a track's rates."""
     east_arcsec_s, north_arcsec_s = lqe.sky_rate_arcsec_s(track)
     return Motion(east_arcsec_s * exposure_s, north_arcsec_s * exposure_s)
 
 
 def three_sigma_deg(track: TrackState) -> float:
-    """Half length of the longer side of the 3-sigma box of the state's position on the sky."""
+    """Half the longer side of the 3-sigma box of a track's position on the sky."""
     cos_dec = math.cos(math.radians(track.x[2]))
     return 3.0 * max(math.sqrt(track.P[0][0]) * cos_dec, math.sqrt(track.P[2][2]))

@@ -3,12 +3,12 @@
 Satellites of one slot have one rate and one streak, and after a long coast the prediction's bounds
 hold several of them: position alone would then take whichever happens to lie nearer. Brightness
 does not distinguish them either, since phase, cloud and tumbling change it by more than they
-differ. What stays is their pattern: a prediction that has gone astray is wrong by the same shift
-for all of them. So of every shift that would lay something seen onto something known, the one with
-the best explanation is believed. Waiting a frame instead would add nothing: they keep their places
-to each other and the bounds only grow. Where the best two explanations name different objects and
-lie close together, nothing is believed: one streak alone, after a long coast, may be either of two.
-Pure.
+differ. What stays is their pattern: an error of the prediction shifts all of them alike. So each
+shift that would bring a measurement onto a known object is weighed, and the shift with the best
+explanation of all measurements is taken. Where the two best explanations name different objects and
+cost nearly the same, none is taken: one streak alone, after a long coast, may be either of two.
+Waiting for another frame would not help: the objects stay in their places relative to each other,
+and the bounds only grow. Pure.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,34 +23,37 @@ from rsoconsole.tracking.filters.agreement import motion_between
 from rsoconsole.tracking.filters.lqe import direction_icrs_deg, sky_covariance_arcsec2
 
 NEAREST_ARCSEC = 30.0
-"""Separation below which two detections are one streak found twice."""
+"""Separation below which two detections count as one streak found twice."""
 SIGMA_ARCSEC = 10.0
 DRIFT_ARCSEC_S = 1.0 / 60.0
-"""Growth of a neighbour's sigma: in a slot they swing by some 0.05 deg in half a day."""
+"""Growth of the sigma of a neighbour's place.
+
+Satellites of one slot swing by some 0.05 deg in half a day.
+"""
 UNSEEN_COST = 9.0
 """Cost of a known object that is not seen: as a deviation of 3 sigma."""
 UNKNOWN_COST = 9.0
 """Cost of a streak with the same motion where no object is known."""
 MIN_MARGIN = 4.0
-"""Margin of the best explanation over the next: seven to one."""
+"""Least difference in cost of the two best explanations, to accept the better: seven to one."""
 KEPT_S = 7200.0
 MAX_KEPT = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Neighbour:
-    """Object with the same motion beside the tracked one."""
+    """Object with the same motion as the tracked one, near it on the sky."""
 
     east_arcsec: float
     """Distance from the tracked object on the sky, eastward."""
     north_arcsec: float
     t_utc_ns: int
-    """Instant at which it was last seen."""
+    """Instant at which the neighbour was last seen."""
     error_arcsec: float = 0.0
-    """Sigma of both places then, by the track's learnt errors of its streaks."""
+    """One sigma of both objects' places at that instant, by the learnt errors of their streaks."""
 
     def sigma_arcsec(self, t_utc_ns: int) -> float:
-        """One sigma of its place at an instant, on each axis."""
+        """One sigma of its distance from the tracked object at an instant, on each axis."""
         drifted = SIGMA_ARCSEC + DRIFT_ARCSEC_S * abs(t_utc_ns - self.t_utc_ns) / 1e9
         return float(np.hypot(drifted, self.error_arcsec))
 
@@ -61,10 +64,10 @@ def neighbours_after(
     others: Mapping[Measurement, float],
     error_arcsec: float = 0.0,
 ) -> tuple[Neighbour, ...]:
-    """Return the neighbours after a frame; ``others`` have the motion of the accepted measurement.
+    """Return the neighbours of a track after a frame in which it accepted ``taken``.
 
-    ``error_arcsec``: the learnt error of the accepted measurement; the values of ``others``: that
-    of each.
+    ``others``: the frame's measurements with the same motion, and the learnt error of each.
+    ``error_arcsec``: the learnt error of ``taken``.
     """
     here = (taken.ra_icrs_deg, taken.dec_icrs_deg)
     seen = []
@@ -90,7 +93,7 @@ def neighbours_after(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Field:
-    """Field of the frame on the sky."""
+    """Field of view of one frame on the sky."""
 
     wcs: Wcs
     width_px: int
@@ -112,12 +115,12 @@ class Field:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedMatch:
-    """Measurement matched to the tracked object, with the margin of the match."""
+    """Measurement matched to the tracked object, and the margin of the match."""
 
     measurement: Measurement | None
-    """Matched measurement; None: the tracked object is not among them."""
+    """Matched measurement; None: the tracked object is not among the measurements."""
     margin: float
-    """Margin in cost of the best explanation over the best one with another result."""
+    """Cost of the best explanation that matches another measurement, over that of the best one."""
 
 
 def best_match(
@@ -131,12 +134,12 @@ def best_match(
 ) -> FollowedMatch:
     """Find the tracked object among the measurements with its motion.
 
-    For each pair of a measurement and a known object (the tracked one, its neighbours) the
-    prediction's shift is weighed: the deviation it means, and how well all known objects and all
-    measurements then fit together. Costs are in NIS. An object outside ``field``, or so near its
-    edge that its streak of ``streak_arcsec`` would not be whole, may be unseen at no cost; without
-    a field every object should be seen. ``errors_arcsec``: the learnt error of each measurement,
-    beside its own.
+    Each pair of a measurement and a known object (the tracked one or a neighbour) implies a shift
+    of the prediction. The cost of a shift, in NIS, is how unlikely it is by the prediction's
+    bounds, plus how badly all known objects and all measurements then fit together. An object
+    outside ``field``, or so near its edge that its streak of ``streak_arcsec`` would not be whole,
+    may be unseen at no cost; without a field every object should be seen. ``errors_arcsec``: the
+    learnt error of each measurement, beside its own.
     """
     errors = np.zeros(len(alike)) if errors_arcsec is None else np.array(errors_arcsec)
     away = np.array([(0.0, 0.0), *((n.east_arcsec, n.north_arcsec) for n in neighbours)])

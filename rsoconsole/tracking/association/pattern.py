@@ -1,9 +1,10 @@
 """Relative positions of a field's satellites, from the frames that showed both. Pure.
 
 An error of a frame's time or plate moves all of its streaks alike, so their relative positions are
-free of it (differential coordinates). The relative position and rate of every two tracks are
-filtered by themselves: they distinguish members of a slot after frames in which one of them was not
-seen, where each track's own prediction is off by the shutter's errors in the others.
+free of it (differential coordinates). The relative position and rate of every two tracks have a
+filter of their own. After frames in which one member of a slot was not seen, each track's own
+prediction suffers from the shutter's errors in different frames; the relative positions still
+distinguish the members.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +23,7 @@ BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5
 """One sigma of the relative rate of two tracks before two frames have shown it."""
 OTHER_MOTION_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
-"""Relative rate from which two are not of one slot, and their own rates are believed."""
+"""Relative rate from which two tracks are not of one slot, and their own rates are used."""
 _ACCELERATION_Q = 1e-9
 """White acceleration of the relative position, arcsec^2/s^3: relative orbits, and tangent planes
 that turn."""
@@ -32,15 +33,15 @@ _MIN_ARCSEC = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackPattern:
-    """Relative positions of each two tracks, arcsec east and north, at the last frame of both."""
+    """Relative positions of every two tracks on the sky, at the last frame that showed both."""
 
     track_ids: tuple[int, ...] = ()
     t_utc_ns: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    """(N, N) instants of the last frame that showed both; 0: none has."""
+    """(N, N) instants of the last frame that showed both tracks; 0: no frame has."""
     ways: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4)))
-    """(N, N, 4) relative positions, east and north, and their rates."""
+    """(N, N, 4) relative positions (east, north), arcsec, and their rates, arcsec/s."""
     covariances: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 4, 4)))
-    """(N, N, 4, 4) covariances of the ways."""
+    """(N, N, 4, 4) covariances of ``ways``."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, TrackPattern) or self.track_ids != other.track_ids:
@@ -55,7 +56,11 @@ class TrackPattern:
     def ways_between(
         self, tracks: Sequence[int], t_utc_ns: int
     ) -> tuple[BoolArray, FloatArray, FloatArray]:
-        """Ways between N tracks at an instant: True where known (N, N), (N, N, 2), covariances."""
+        """Relative positions of N tracks at an instant, with their covariances.
+
+        Returns a mask (N, N), True where known; positions (N, N, 2) of the second track relative to
+        the first, arcsec east and north; and covariances (N, N, 2, 2).
+        """
         number = len(tracks)
         known, ways = np.zeros((number, number), bool), np.zeros((number, number, 2))
         covariances = np.zeros((number, number, 2, 2))
@@ -101,7 +106,7 @@ def _places_in(tracks: IntArray, known: Sequence[int]) -> IntArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Place:
-    """Place and rate of one track in a frame."""
+    """Place and rate of one track in one frame."""
 
     ra_icrs_deg: float
     dec_icrs_deg: float
@@ -112,7 +117,7 @@ class Place:
 
     @classmethod
     def of(cls, m: Measurement, track: TrackState, along_arcsec: float | None = None) -> "Place":
-        """Place of a track's accepted streak; ``along_arcsec``: see ``own_covariance``."""
+        """Place of the streak that a track accepted; ``along_arcsec``: as in ``own_covariance``."""
         return cls(
             ra_icrs_deg=m.ra_icrs_deg,
             dec_icrs_deg=m.dec_icrs_deg,
@@ -130,7 +135,7 @@ def pattern_after(
 ) -> TrackPattern:
     """Return the pattern of the tracks ``alive``, updated with a frame.
 
-    ``seen``: the place of each track in the frame.
+    ``seen``: the place of each track that the frame showed, by the track's number.
     """
     if len(alive) < 2:
         return NO_PATTERN
@@ -196,10 +201,10 @@ def _shown(
 def own_covariance(
     m: Measurement, track: TrackState, along_arcsec: float | None = None
 ) -> FloatArray:
-    """Covariance (2, 2) of a streak's place that it shares with no other, arcsec^2.
+    """Covariance (2, 2) of a streak's place, arcsec^2, without errors common to the frame.
 
-    By the learnt errors of its track; ``along_arcsec``: the error that its length adds along the
-    streak; None: that of the streak the track accepted last.
+    By the errors that the track's filter has learnt. ``along_arcsec``: the error along the streak
+    that its length indicates; None: that of the streak the track accepted last.
     """
     ee, en, nn = m.cov_sky_arcsec2
     said = track.mixture
@@ -214,9 +219,9 @@ def own_covariance(
 
 
 def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:
-    """One sigma of a streak's place by its track's learnt errors, on its worse axis.
+    """One sigma of a streak's place on its worse axis, by the errors that the filter has learnt.
 
-    0 where the filter learns nothing: only the measurement's own error is known.
+    0 where the filter learns none: then only the measurement's own error is known.
     """
     if track.mixture is None:
         return 0.0

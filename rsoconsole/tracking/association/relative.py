@@ -2,10 +2,10 @@
 
 Errors of shutter and plate move both streaks of a frame alike, so the relative position is free of
 them; each of its axes is fitted by itself, frame by frame. The path is an offset, a drift, and
-swings of one turn and of half a turn, the relative motion of two orbits of nearly one period
-(Clohessy & Wiltshire 1960); two with other motions have their drift. A short arc does not determine
-a swing: how wide swings and drifts may be is averaged over priors from small to large, each weighed
-by how well it explains what was seen.
+swings of one turn and of half a turn: the relative motion of two orbits of nearly one period
+(Clohessy & Wiltshire 1960). For other pairs of objects the drift is the main part. A short arc does
+not determine a swing. So the fit averages over priors for swings and drifts from small to large,
+each weighed by how well it explains what was seen.
 """
 
 import itertools
@@ -23,7 +23,7 @@ from rsoconsole.words import NS_PER_S
 SIDEREAL_RAD_S = 7.292115e-5
 """Rotation rate of the Earth: that of a geostationary satellite over the stars."""
 LONGEST_HORIZON_S = 6 * 3600.0
-"""Longest horizon: a quarter of a rotation."""
+"""Longest time for which a path is predicted: a quarter of a rotation."""
 MIN_FRAMES = 3
 _SWINGS_ARCSEC = (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5)
 _DRIFTS_ARCSEC_RAD = (10.0, 300.0, 1e4, 1e6)
@@ -43,15 +43,17 @@ class TrackDirections:
     """Directions of one track in N frames, in order of time."""
 
     frame_id: IntArray
-    """(N,) frame of each direction."""
+    """(N,) number of the frame of each direction."""
     t_utc_ns: IntArray
     units: FloatArray
-    """(N, 3) unit vectors towards it."""
+    """(N, 3) unit vectors of the directions."""
     cov_sky_arcsec2: FloatArray
-    """(N, 3) covariances east-east, east-north, north-north, without errors common to all of a
-    frame."""
+    """(N, 3) covariances: east-east, east-north, north-north.
+
+    Without errors common to all of a frame.
+    """
     rate_arcsec_s: FloatArray
-    """(N, 2) rates, east and north."""
+    """(N, 2) rates against the stars, east and north."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,46 +63,52 @@ class RelativePositions:
     t_utc_ns: IntArray
     """(N,) instants of the frames."""
     ways_arcsec: FloatArray
-    """(N, 2) relative positions, east and north, at the middle between the two."""
+    """(N, 2) positions of the second track relative to the first, east and north.
+
+    At their midpoint.
+    """
     covariance_arcsec2: FloatArray
-    """(N, 2, 2) covariances of the ways."""
+    """(N, 2, 2) covariances of ``ways_arcsec``."""
     rate_arcsec_s: FloatArray
-    """(2,) rate of the faster one over the stars, in the last of the frames."""
+    """(2,) rate of the faster track over the stars, in the last of the frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RelativePath:
-    """Relative position of two tracks as a function of time, as S equally likely paths."""
+    """Relative position of two tracks over time, as S equally likely paths."""
 
     t_utc_ns: int
     """Reference instant: that of the last frame that showed both."""
     frequency_rad_s: float
     axes: FloatArray
-    """(2, 2) rows: unit vectors (east, north) of the two fitted axes."""
+    """(2, 2) rows: unit vectors (east, north) along and across the motion, the axes of the fit."""
     samples: FloatArray
-    """(S, 2, 6) coefficients of each axis."""
+    """(S paths, 2 axes, 6) coefficients of the paths along the two fitted axes.
+
+    Offset, drift, cosine and sine of one turn, cosine and sine of half a turn.
+    """
     frames: int
     """Number of frames that have shown both."""
 
     @property
     def horizon_s(self) -> float:
-        """Horizon of the path, s: a quarter of the turn, 6 hours at most."""
+        """Time for which the path is predicted, s: a quarter of the turn, 6 hours at most."""
         return min(LONGEST_HORIZON_S, 0.5 * math.pi / self.frequency_rad_s)
 
     def at(self, since_s: FloatArray) -> FloatArray:
-        """(S, M, 2) relative positions, east and north, at times after the reference."""
+        """(S, M, 2) relative positions, east and north, arcsec, at M times after the reference."""
         terms = _terms(self.frequency_rad_s * np.atleast_1d(since_s))
         return np.asarray(np.swapaxes(self.samples @ terms.T, 1, 2) @ self.axes)
 
     def rate_at(self, since_s: FloatArray) -> FloatArray:
-        """(S, M, 2) relative rates, east and north, arcsec/s."""
+        """(S, M, 2) relative rates, east and north, arcsec/s, at M times after the reference."""
         slopes = _slopes(self.frequency_rad_s * np.atleast_1d(since_s))
         rates = np.swapaxes(self.samples @ slopes.T, 1, 2) @ self.axes
         return np.asarray(rates * self.frequency_rad_s)
 
 
 def relative_positions(one: TrackDirections, other: TrackDirections) -> RelativePositions | None:
-    """Relative positions in the frames that showed both; None: too few for a motion."""
+    """Relative positions in the frames that showed both tracks; None: too few such frames."""
     _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
     if len(i) < MIN_FRAMES:
         return None
@@ -120,7 +128,7 @@ def relative_positions(one: TrackDirections, other: TrackDirections) -> Relative
 
 
 def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(N, 3) unit vectors east and north at directions of any length."""
+    """(N, 3) unit vectors east and north at directions (N, 3), which may have any length."""
     x, y, z = np.moveaxis(towards / np.linalg.norm(towards, axis=-1, keepdims=True), -1, 0)
     level = np.maximum(np.hypot(x, y), 1e-9)
     east = np.stack([-y / level, x / level, np.zeros_like(x)], axis=-1)
@@ -129,7 +137,7 @@ def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def relative_path(ways: RelativePositions) -> RelativePath:
-    """Fit the relative path of the two tracks, with all remaining uncertainty."""
+    """Fit the path of one track relative to another, and draw equally likely samples of it."""
     frequency = max(SIDEREAL_RAD_S, float(np.hypot(*ways.rate_arcsec_s)) * ARCSEC_RAD)
     ahead = ways.rate_arcsec_s / max(float(np.hypot(*ways.rate_arcsec_s)), 1e-9)
     axes = np.array([ahead, [-ahead[1], ahead[0]]])
@@ -266,8 +274,8 @@ def pair_motion(
 ) -> PairMotion:
     """Relative motion of two tracks at an instant, for the record.
 
-    ``warned_arcsec`` and ``warned_ahead_s``: separation and time ahead below which an approach is
-    warned of.
+    An approach is warned of where the separation falls below ``warned_arcsec`` within the next
+    ``warned_ahead_s`` seconds.
     """
     late_s = (t_utc_ns - path.t_utc_ns) / NS_PER_S
     since_s = late_s + np.linspace(0.0, path.horizon_s, _STEPS)
@@ -327,9 +335,10 @@ def pair_motion(
 
 
 def closest(since_s: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times and distances (S,) of paths (S, M, 2), at even instants (M,), nearest to 0.
+    """Times and distances (S,) at which S paths come nearest to 0.
 
-    Between three instants a path is a parabola.
+    ``ways``: the paths (S, M, 2) at even instants ``since_s`` (M,). Between three instants a path
+    counts as a parabola.
     """
     squares = ways[..., 0] ** 2 + ways[..., 1] ** 2
     at = np.clip(np.argmin(squares, axis=1), 1, ways.shape[1] - 2)

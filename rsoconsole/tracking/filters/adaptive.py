@@ -1,7 +1,7 @@
 """Preset ``adaptive``: the track as the mixture of a bank of filters (``bank``). Pure.
 
-The state on record is the mixture's mean and covariance, as of one filter; the bank itself goes
-along in memory. A state that was read from a session has none: it is predicted from the record.
+The state on record is the mixture's mean and covariance, as of one filter; the bank itself is
+attached in memory. A state read from a session has no bank: one is made from the record.
 """
 
 import math
@@ -27,10 +27,11 @@ it is too sharp, as no motion fits exactly."""
 
 
 def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, float]:
-    """Median and both ends of the interval that holds a ``share`` of the scatter's probability.
+    """Median of a bank's timing scatter, and both ends of the interval that holds ``share`` of it.
 
-    The weights are densities on a logarithmic scale: a parabola through the three likeliest,
-    straight lines where the likeliest is at an end.
+    Seconds. Between the grid's scatters the log density (over the logarithm of the scatter) is a
+    parabola through the three likeliest ones; straight lines where the likeliest is at an end of
+    the grid.
     """
     log_s, each = np.log(bank.grid.scatters_s), bank.scatter_probabilities
     fine = np.linspace(log_s[0], log_s[-1], 40 * (len(log_s) - 1) + 1)
@@ -55,10 +56,13 @@ _WORTH_REPORTING = 1.5
 _MAX_CORRELATED = 0.99999
 
 COMMON_ARCSEC = 0.2
-"""Sigma on each axis of the error common to all directions of a night (the catalogue's frame, the
-lens), which no innovation shows: part of a state's covariance, not of the filters'."""
+"""Sigma on each axis of the error common to all directions of a night.
+
+It comes from the catalogue's frame and the lens. No innovation shows it: it is part of a state's
+covariance, not of the filters'.
+"""
 Bend = tuple[FloatArray, FloatArray]
-"""Mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
+"""Bend of a path: mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
 
 
 def initialise(
@@ -73,9 +77,9 @@ def initialise(
 ) -> TrackState:
     """Initiate a track at the second of two measurements.
 
-    ``bend``: possible bend of an orbit through the first; ``along_arcsec``: sigma along the motion
-    that the length of each streak adds; ``is_shutter_known``: see ``bank.initiate``. Raises
-    ValueError when the second is not the later one.
+    ``bend``: possible bend of an orbit's path through the first. ``along_arcsec``: sigma along the
+    motion that the length of each streak indicates. ``is_shutter_known``: see ``bank.initiate``.
+    Raises ValueError when the second is not the later one.
     """
     dt_s = lqe.span_s(first, second)
     one = _position(first, settings, StreakErrors(along_arcsec[0]))
@@ -105,9 +109,10 @@ def innovations(
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> list[BankInnovation]:
-    """Innovations of measurements at the predicted instant, with which ``taken`` begins.
+    """Innovations of measurements at the predicted instant: the first part of an update.
 
-    Each measurement comes with the errors that its streak adds.
+    Each measurement comes with the errors that its streak's shape indicates. ``taken`` completes
+    the update.
     """
     positions = [_position(m, settings, errors) for m, errors in measured]
     return bank_update.innovations_of(_bank_of(predicted), positions)
@@ -119,7 +124,10 @@ def taken(
     found: BankInnovation,
     along_arcsec: float = 0.0,
 ) -> TrackState:
-    """Update the track with a measurement, with its innovation."""
+    """Update the track with a measurement whose innovation is computed already.
+
+    ``along_arcsec``: error along the streak that its length indicates, for the record.
+    """
     said = bank_update.taken(found)
     sigma = np.sqrt(np.diag(said.covariance))
     fields = lqe.update_fields(predicted, measurement, said.nis, said.innovation, sigma)
@@ -133,10 +141,10 @@ def restarted_from(
     frame_id: int,
     failed: TrackState,
 ) -> TrackState:
-    """Restart the bank from another prediction at the instant of one that has ``failed``.
+    """Restart the bank from another prediction, at the instant of its own.
 
-    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. The learnt
-    scatter and bend of the path stay.
+    ``failed``: the track as the bank predicted it. ``covariance`` (4, 4) of east, its rate, north,
+    its rate: arcsec and arcsec/s. The learnt scatter and bend of the path stay.
     """
     before = _bank_of(failed)
     mean, spread = before.moments()
@@ -148,7 +156,7 @@ def restarted_from(
 
 
 def with_coarse_bank(state: TrackState) -> TrackState:
-    """Return the same track with fewer filters, for less work; its record stays."""
+    """Return the track with fewer filters in its bank, for less work; its record stays."""
     if not isinstance(state.memory, _Memory) or state.memory.x != state.x:
         return state
     return replace(state, memory=replace(state.memory, bank=banks.coarse_bank(state.memory.bank)))
@@ -241,9 +249,9 @@ def _from_record(state: TrackState) -> Bank:
 
 
 def innovation_covariance(updated: TrackState) -> FloatArray:
-    """Covariance (2, 2) of the innovation on the sky, arcsec^2, of the update that made a state.
+    """Covariance (2, 2) of the innovation of a state's update, on the sky, arcsec^2.
 
-    Raises ValueError for any other state: it is in memory only.
+    It is in memory only. Raises ValueError for a state that no update has just made.
     """
     memory = updated.memory
     if not isinstance(memory, _Memory) or memory.innovation_covariance is None:
@@ -295,10 +303,10 @@ def _state(
 
 
 def timing_scatter_words(state: TrackState, known_s: float) -> str | None:
-    """Text of the scatter along the motion that a track has learnt; None: nothing.
+    """Text of the scatter along the motion that a track has learnt; None: it has learnt none.
 
-    One streak alone does not separate the shutter from a badly found end, so it is called the
-    shutter's only under a condition. ``known_s``: scatter that the measurements contain already.
+    ``known_s``: timing scatter that the measurements' covariances contain already. The text gives
+    the scatter as time only "if it is the shutter": a badly found end of a streak looks the same.
     """
     if state.mixture is None:
         return None
@@ -313,7 +321,10 @@ def timing_scatter_words(state: TrackState, known_s: float) -> str | None:
 
 
 def filter_summary_words(state: TrackState | None, known_s: float) -> str:
-    """Text of the likeliest motion and timing scatter, short for a narrow screen; may be empty."""
+    """Text of the likeliest motion and timing scatter, short enough for a narrow screen.
+
+    Empty where there is no bank. ``known_s``: as in `timing_scatter_words`.
+    """
     if state is None or state.mixture is None:
         return ""
     name, share = max(state.mixture.motion_probabilities, key=lambda each: each[1])
@@ -328,9 +339,10 @@ def filter_summary_words(state: TrackState | None, known_s: float) -> str:
 def with_learned_errors(
     taken: Sequence[Measurement], scatter_s: float, variance_scale: float = 1.0
 ) -> tuple[Measurement, ...]:
-    """Return a track's measurements with covariances that contain the learnt errors.
+    """Return a track's measurements with the errors added that its filter has learnt.
 
-    The motion at each is that from or to the nearest other in time.
+    ``scatter_s``: timing scatter, along the motion from or to the measurement nearest in time.
+    ``variance_scale``: factor on the measurements' own variances.
     """
     if len(taken) < 2 or (scatter_s <= 0.0 and variance_scale == 1.0):
         return tuple(taken)

@@ -2,10 +2,11 @@
 
 Position alone does not distinguish neighbours: rate, streak direction and streak length are
 compared too. One streak does not show which of its ends came first, so directions are compared
-modulo 180 degrees and before lock the displacement between two frames must match the streak. After
-it the streak is compared with the track's own rates, and the position against its bounds. The way
-from the last measurement is no third test: inside bounds of even 8 arcmin, after a coast of half an
-hour, it agrees with the track's rate to 2 per cent.
+modulo 180 degrees, and before there is a track the displacement between two frames must match the
+streaks. With a track the streak is compared with the track's rates, and its position with the
+track's bounds. The displacement from the last measurement would be no third test: anywhere inside
+bounds of even 8 arcmin, after a coast of half an hour, it agrees with the track's rate to 2 per
+cent.
 """
 
 import math
@@ -20,16 +21,20 @@ DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
 BENT_TOLERANCE_DEG = 20.0
-"""Tolerance of the direction of a streak as long as the motion at the expected place: stars that
-drift during the exposure, wind and a jumping mount bend it by as much."""
+"""Largest difference of direction for a streak that is as long as its motion.
+
+Stars that drift during the exposure, wind and a jumping mount bend a streak by as much.
+"""
 SHORTER_TOLERANCE = 0.4
-"""Share of its length that a rival's streak may lack."""
+"""Fraction of its expected length by which a rival's streak may be too short."""
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
-"""Shares of its length that the streak of a track may lack or have too much: they then show how
-badly its place along the motion is known (``streak_length``). Half as long is another object, half
-as fast."""
+"""Fractions of its expected length by which a track's streak may be too short and too long.
+
+Its length then shows how badly its place along the motion is known (``streak_length``). A streak
+half as long is another object, half as fast.
+"""
 FLASHING_TOLERANCE = 0.65
-"""Share of its length that a streak of a flashing satellite may lack."""
+"""Fraction of its expected length by which the streak of a flashing satellite may be too short."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +51,12 @@ class Motion:
 
     @property
     def axis_deg(self) -> float:
-        """Position angle modulo 180 deg."""
+        """Position angle of the displacement, whatever its sense: 0 to 180 deg."""
         return math.degrees(math.atan2(self.east_arcsec, self.north_arcsec)) % 180.0
 
 
 def motion_between(ra_a_deg: float, dec_a_deg: float, ra_b_deg: float, dec_b_deg: float) -> Motion:
-    """Displacement from a to b on the sky, small angles, safe across RA 0h."""
+    """Displacement from a to b on the sky; for small angles, safe across RA 0h."""
     cos_dec = math.cos(math.radians((dec_a_deg + dec_b_deg) / 2.0))
     return Motion(
         float(wrap_180(ra_b_deg - ra_a_deg)) * cos_dec * 3600.0, (dec_b_deg - dec_a_deg) * 3600.0
@@ -72,7 +77,7 @@ def streak_motion(measurement: Measurement) -> Motion | None:
 
 
 def streak_axis(measurement: Measurement) -> FloatArray | None:
-    """(2,) unit vector east and north along the streak, sense unknown; None without its own."""
+    """(2,) unit vector (east, north) along a streak, sense unknown; None: it has no ends."""
     streak = streak_motion(measurement)
     if streak is None or streak.length_arcsec <= 0.0:
         return None
@@ -94,9 +99,10 @@ def motion_mismatch(
 ) -> MotionMismatch | None:
     """Reason why the streak cannot be this motion during the exposure; None when it can.
 
-    ``expected`` is the motion over one exposure; ``shorter`` and ``longer``: shares of it by which
-    a streak may be so; ``bent_deg``: largest difference of direction of one of its length. A
-    clipped streak has no length to compare, and a short one no direction.
+    ``expected``: the motion in one exposure. ``shorter``, ``longer``: fractions of its length by
+    which the streak may be too short or too long. ``bent_deg``: largest difference of direction for
+    a streak of about the right length. A clipped streak is compared in direction only, a short one
+    in length only.
     """
     streak = streak_motion(measurement)
     if streak is None:
@@ -134,10 +140,10 @@ def pair_motion_mismatch(
 
 
 def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: float) -> float:
-    """Distance of the pair's displacement from its streaks, whichever way they ran.
+    """Distance of the displacement of a pair from its streaks, whichever of their ends came first.
 
-    Several pairs may agree within the tolerances, where neighbours are as near to each other as one
-    of them moves: the best agreement is the one object. 0 where no ends are known.
+    Where neighbours are as near to each other as one of them moves, several pairs agree within the
+    tolerances: the pair with the least distance is the one object. 0 where no ends are known.
     """
     moved = motion_in_exposure(first, second, exposure_s)
     if moved is None:
@@ -158,7 +164,7 @@ def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: floa
 
 
 def motion_in_exposure(first: Measurement, second: Measurement, exposure_s: float) -> Motion | None:
-    """Displacement between two frames, scaled to one exposure."""
+    """Displacement between two measurements, scaled to one exposure; None: not in order of time."""
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0:
         return None

@@ -1,12 +1,13 @@
 """Bank of filters: several motions weighed by their likelihood, and the scatter of a night. Pure.
 
 One filter cannot fit a satellite that keeps its slot, one that turns ten times as fast, and a
-shutter that opens when it likes. So a filter for each combination of ``MOTIONS``, of
-``VARIANCE_SCALES`` of the measurements' errors and of ``SCATTERS_S`` along the motion is updated
-with every measurement; its likelihood is its weight (a bank of filters: Magill 1965; Bar-Shalom, Li
-& Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers (``sky_path``): of the
-``parallel`` and the ``great circle`` the last two are what their names say, of ``any orbit`` they
-are open as far as the admissible region of orbits leaves them (``orbits/first/population.py``).
+shutter that opens late by chance. So there is a filter for each combination of ``MOTIONS``, of
+``VARIANCE_SCALES`` of the measurements' errors and of ``SCATTERS_S`` along the motion. Every
+measurement updates all of them; a filter's weight is its likelihood (a bank of filters: Magill
+1965; Bar-Shalom, Li & Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers
+(``sky_path``). For the ``parallel`` and the ``great circle`` the last two follow from the name; for
+``any orbit`` they are as uncertain as the admissible region of orbits leaves them
+(``orbits/first/population.py``).
 
 The error that a streak's length indicates is one of two hypotheses, weighed in the same way. A late
 shutter moves a streak along itself. How much it scatters is not known in advance: the innovations
@@ -35,12 +36,15 @@ from rsoconsole.tracking.filters.sky_path import (
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
-"""Factors on a measurement's own variances: wind, a plate of few stars and ends that cloud has
-moved make errors larger than stated, across the motion as well as along it."""
+"""Factors on a measurement's own variances.
+
+Wind, a plate of few stars and ends that cloud has moved make errors larger than stated, across the
+motion as well as along it.
+"""
 MAX_SCATTER_S = 3.0
 _MIN_SCATTER_S = 0.005
 SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
-"""Timing scatter beyond that in the measurements' covariances, s."""
+"""Timing scatters of the filters, s, beyond the scatter in the measurements' covariances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +63,19 @@ class Grid:
 
     @functools.cached_property
     def late_s(self) -> FloatArray:
-        """(N,) timing scatter of each filter, in their order, s."""
+        """(N,) timing scatter of each filter of a bank, in the bank's order, s."""
         return np.tile(self.scatters_s, len(MOTIONS) * len(self.variance_scales))
 
     @functools.cached_property
     def filter_variance_scales(self) -> FloatArray:
-        """(N,) factor of each filter's measured variances."""
+        """(N,) factor of each filter on the measured variances, in the bank's order."""
         each = np.repeat(self.variance_scales, len(self.scatters_s))
         return np.tile(each, len(MOTIONS))
 
 
 FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
 COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
-"""Grid of the many members of a group: every second scale and scatter."""
+"""Grid for tracks beside the lead where there are many: every second scale and scatter."""
 _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
 """Powers with which the prior of a scatter falls; the second where the shutter's own is calibrated,
 so that it is in the measurements' covariances already."""
@@ -107,16 +111,15 @@ class Bank:
     plane: Plane
     t_utc_ns: int
     means: FloatArray
-    """(N, 6) means of the filters."""
+    """(N, 6) mean motions of the filters, as in ``sky_path``."""
     covariances: FloatArray
     """(N, 6, 6) covariances of the filters."""
     log_weights: FloatArray
     """(N,) logarithms of the filters' weights."""
     path_since_update_rad: FloatArray
-    """(N,) length of path since the last measurement."""
+    """(N,) length of each filter's path since the last measurement, rad."""
     length_log_odds: float = 0.0
-    """Logarithm of the odds that a streak's length indicates its error, against indicating too
-    much."""
+    """Logarithm of the odds that streak lengths indicate their error rightly, not too large."""
     grid: Grid = FINE
 
     @functools.cached_property
@@ -127,23 +130,23 @@ class Bank:
 
     @property
     def motion_probabilities(self) -> FloatArray:
-        """(4,) probabilities of ``MOTIONS``."""
+        """(4,) probabilities of the motions in ``MOTIONS``."""
         return np.asarray(self.weights.reshape(len(MOTIONS), -1).sum(axis=1))
 
     @property
     def scatter_probabilities(self) -> FloatArray:
-        """(S,) probabilities of the grid's scatters."""
+        """(S,) probabilities of the timing scatters of the grid."""
         return np.asarray(self.weights.reshape(-1, len(self.grid.scatters_s)).sum(axis=0))
 
     @property
     def variance_scale_probabilities(self) -> FloatArray:
-        """(V,) probabilities of the grid's variance scales."""
+        """(V,) probabilities of the variance scales of the grid."""
         shape = (len(MOTIONS), -1, len(self.grid.scatters_s))
         return np.asarray(self.weights.reshape(shape).sum(axis=(0, 2)))
 
     @property
     def variance_scale(self) -> float:
-        """Mean of the variance scale."""
+        """Mean variance scale over all filters."""
         return float(self.variance_scale_probabilities @ self.grid.variance_scales)
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
@@ -163,14 +166,17 @@ class BankMeasurement:
     ra_icrs_deg: float
     dec_icrs_deg: float
     covariance: FloatArray
-    """(2, 2) covariance, arcsec^2, without the shutter's scatter."""
+    """(2, 2) covariance, arcsec^2, without the shutter's timing scatter."""
     along_arcsec: float = 0.0
-    """Sigma along its streak beyond that, from the streak's length."""
+    """Further sigma along the streak, which the streak's length indicates."""
     axis: FloatArray | None = None
-    """(2,) unit vector along its streak, which drift and wind bend; None: the motion's."""
+    """(2,) unit vector along the streak, turned by drift and wind; None: along the motion."""
 
     def length_error(self, ahead: FloatArray) -> FloatArray:
-        """(..., 2, 2) arcsec^2 by the length; ``ahead`` (..., 2): unit vector of the motion."""
+        """(..., 2, 2) covariance by the error that the streak's length indicates, arcsec^2.
+
+        ``ahead`` (..., 2): unit vector of the motion, used where the streak has no axis.
+        """
         axis = ahead if self.axis is None else self.axis
         return np.asarray(self.along_arcsec**2 * axis[..., :, None] * axis[..., None, :])
 
@@ -184,9 +190,9 @@ def initiate(
 ) -> Bank:
     """Start a bank at one direction, with a rate (east, north) of large uncertainty.
 
-    ``is_shutter_known``: its scatter is calibrated, and in the covariance: more is less likely.
-    ``bend``: mean (2,) and covariance (2, 2) of change of speed and turn of any orbit through it;
-    None: unknown.
+    ``bend``: possible bend of an orbit's path: mean (2,) and covariance (2, 2) of change of speed
+    and turn; None: unknown. ``is_shutter_known``: the shutter's scatter is calibrated and in the
+    covariance, so that further scatter is less likely.
     """
     plane = Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
     rate = np.array(rate_arcsec_s)
@@ -215,7 +221,7 @@ def initiate(
 
 
 def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
-    """Predict the bank to another instant, also back.
+    """Predict the bank to another instant, later or earlier.
 
     ``roots`` (6,): square roots of the operator's factors of the process noise; None: all 1.
     """
@@ -340,7 +346,7 @@ def _noise(
 
 
 def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
-    """Mean and covariance of the bend where no orbit passes, or none is used."""
+    """Mean (2,) and covariance (2, 2) of the bend of a path about which nothing is known."""
     gain = speed_arcsec_s**2 * ARCSEC_RAD
     return np.zeros(2), np.diag([gain**2, 1.0])
 
@@ -354,8 +360,8 @@ def restarted(
 ) -> Bank:
     """Restart all filters from another prediction of the object, at the bank's instant.
 
-    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. The learnt
-    scatter stays.
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. ``bend``: mean
+    and covariance of the bend of the path. The learnt scatter stays.
     """
     plane = Plane.at(*direction_deg)
     mean, spread = bend
@@ -377,7 +383,7 @@ def restarted(
 
 
 def coarse_bank(bank: Bank) -> Bank:
-    """Bank on the ``COARSE`` grid: each filter has the moments of those it stands for."""
+    """Bank on the ``COARSE`` grid; each filter has the moments of those that it replaces."""
     if bank.grid is COARSE:
         return bank
     scale = _nearest(COARSE.variance_scales, bank.grid.variance_scales)
@@ -415,7 +421,10 @@ def of_single(  # noqa: PLR0917 -- all that one filter says
     scatter_s: float,
     variance_scale: float = 1.0,
 ) -> Bank:
-    """Make a bank of which every filter has one motion (6,) and covariance (6, 6)."""
+    """Make a bank of which every filter has the same motion (6,) and covariance (6, 6).
+
+    The filters nearest to ``scatter_s`` and ``variance_scale`` get the weights, by motion.
+    """
     every = len(MOTIONS) * FINE.per_motion
     nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _MIN_SCATTER_S)))))
     widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))

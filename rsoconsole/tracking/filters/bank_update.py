@@ -1,8 +1,9 @@
 """Update of a bank of filters with a measurement. Pure.
 
 The innovation costs a fraction of the update, and most pairs of a crowded field need nothing else.
-The error that a streak's length indicates is one of two hypotheses, and one measurement in a
-hundred has gone wrong: each filter is updated with their mixtures.
+A measurement has three hypotheses: the length of its streak indicates its error rightly, or too
+large an error, or the measurement has gone wrong (one in a hundred). Each filter is updated with
+their mixture.
 """
 
 import math
@@ -28,7 +29,7 @@ _MIN_SHARE = 1e-14
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilterInnovations:
-    """Innovations of N filters for a measurement with a given noise."""
+    """Innovations of N filters for one measurement with a given noise."""
 
     off: FloatArray
     """(N, 2) innovations, arcsec."""
@@ -45,21 +46,21 @@ class FilterInnovations:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilterUpdates:
-    """Updates of N filters with a measurement of a given noise."""
+    """Updates of N filters with one measurement of a given noise."""
 
     s: FloatArray
     """(N, 2, 2) covariance of the innovation."""
     nis: FloatArray
     log_likelihoods: FloatArray
     steps: FloatArray
-    """(N, 6) steps of the means."""
+    """(N, 6) changes of the means."""
     covariances: FloatArray
 
 
 def merged_filter_updates(
     usual: FilterUpdates, other: FilterUpdates, share: float
 ) -> FilterUpdates:
-    """Merge two answers into one, the other being right with probability ``share``."""
+    """Merge two alternative updates; ``other`` is right with probability ``share``."""
     log_usual = math.log(1.0 - share) + usual.log_likelihoods
     log_other = math.log(share) + other.log_likelihoods
     log_likelihoods = np.logaddexp(log_usual, log_other)
@@ -77,14 +78,14 @@ def merged_filter_updates(
 
 
 def merged_nis(usual: FloatArray, other: FloatArray, share: float) -> FloatArray:
-    """(N,) merged NIS of two answers, the other being right with probability ``share``."""
+    """(N,) merged NIS of two alternative updates; ``other`` is right with probability ``share``."""
     return np.asarray(
         -2.0 * np.logaddexp(math.log(1.0 - share) - 0.5 * usual, math.log(share) - 0.5 * other)
     )
 
 
 def log_sum(logs: FloatArray) -> float:
-    """Logarithm of a sum of exponentials, also where all are small."""
+    """Logarithm of a sum of exponentials, without underflow."""
     most = float(logs.max())
     if not math.isfinite(most):
         return -math.inf
@@ -94,7 +95,11 @@ def log_sum(logs: FloatArray) -> float:
 def innovations(
     predicted: FloatArray, off: Sequence[FloatArray], noise: Sequence[FloatArray]
 ) -> list[FilterInnovations]:
-    """Innovations of filters with covariances (N, 6, 6): offsets (N, 2), noises (N, 2, 2)."""
+    """Innovations of N filters for several measurements.
+
+    ``predicted`` (N, 6, 6): covariances of the filters. For each measurement: offsets ``off`` (N,
+    2) from the filters, and noise (N, 2, 2).
+    """
     every, number = np.concatenate(noise), len(predicted)
     s = every + np.tile(predicted[:, :2, :2], (len(noise), 1, 1))
     inverse, log_det = inverses_and_log_dets(s)
@@ -124,7 +129,7 @@ def inverses_and_log_dets(s: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def answer(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
-    """Update the filters with covariances (N, 6, 6) that have these innovations."""
+    """Updates of N filters with covariances (N, 6, 6), from their innovations."""
     gain = predicted[:, :, :2] @ found.inverse
     # Joseph's form keeps it positive; only two columns are measured.
     half = predicted - gain @ predicted[:, :2]
@@ -140,9 +145,11 @@ def answer(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
 
 
 RARE, _RARE_SCATTER_S = 0.01, 0.8
-"""Share of measurements that are late or wrong by far more than the night's scatter, and their
-scatter, s: a filter must neither shut them out for ever nor be upset by them (a mixture of two
-noises)."""
+"""Share of measurements that have gone wrong, and the timing scatter of these, s.
+
+They are late or wrong by far more than the night's scatter. A filter must neither shut them out for
+ever nor be upset by them (a mixture of two noises).
+"""
 _LENGTH_SAYS_TOO_MUCH = 0.15
 """Share of the indicated error that is real where both ends err alike (haze, a drift that
 changes)."""
@@ -152,16 +159,16 @@ _MAX_LOG_ODDS = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BankInnovation:
-    """Innovation of a bank for a measurement, the first part of its update."""
+    """Innovation of a bank for one measurement, the first part of an update."""
 
     bank: Bank
     place: FloatArray
-    """(2,) place on the bank's plane, arcsec."""
+    """(2,) place of the measurement on the bank's plane, arcsec."""
     with_length: FilterInnovations
     without_length: FilterInnovations | None
-    """Innovations where the length of its streak says too much; None where it says nothing."""
+    """Innovations if the streak's length indicates too large an error; None: it indicates none."""
     rare: FilterInnovations
-    """Innovations where the measurement has gone wrong."""
+    """Innovations if the measurement has gone wrong."""
     nis: float
     """NIS as in ``BankUpdate``."""
 
@@ -172,8 +179,10 @@ class BankUpdate:
 
     after: Bank
     nis: float
-    """Minus twice the logarithm of the probability that a sound mixture shows more: with one filter
-    alone its normalised innovation squared."""
+    """Minus twice the log probability that a sound mixture has a larger innovation.
+
+    With one filter alone it is the normalised innovation squared.
+    """
     innovation: FloatArray
     """(2,) measured minus the mixture's mean, arcsec."""
     covariance: FloatArray
@@ -226,7 +235,7 @@ def update(bank: Bank, seen: BankMeasurement) -> BankUpdate:
 
 
 def taken(found: BankInnovation) -> BankUpdate:
-    """Return the bank updated with the measurement of an innovation."""
+    """Return the bank updated with a measurement, from its innovation."""
     bank, log_weights = found.bank, _log_weights(found.bank)
     plain, length_log_odds = _plain(found, log_weights)
     both = merged_filter_updates(plain, answer(bank.covariances, found.rare), RARE)

@@ -1,4 +1,5 @@
-"""The filter of a preset: ``adaptive`` a bank of them, ``tuned`` and ``paper`` one. Pure.
+"""The filter of a preset: for ``adaptive`` a bank of filters, for ``tuned`` and ``paper`` one.
+Pure.
 
 Nights are replayed by the preset that they were recorded with, so no preset ever changes its result
 for given measurements.
@@ -16,7 +17,7 @@ from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 
 def make_ready(settings: FilterConfig) -> None:
-    """Load slow tables in advance: the first slew to a satellite would wait for them."""
+    """Load slow modules in advance: the first slew to a satellite would wait for them."""
     if settings.uses_bank:
         import scipy.optimize  # noqa: F401 - which measurement is of which of several tracks
     else:
@@ -35,8 +36,8 @@ def initialise(
 ) -> TrackState:
     """Initiate a track at the second of two measurements.
 
-    For the presets that need them: ``bend``, possible bend of an orbit's path there,
-    ``along_arcsec``, sigma along the motion that the length of each streak adds, and
+    For presets that use them: ``bend``, possible bend of an orbit's path through the first;
+    ``along_arcsec``, sigma along the motion that the length of each streak indicates;
     ``is_shutter_known``, whether the shutter's scatter was calibrated. Raises ValueError when the
     second is not the later one.
     """
@@ -62,9 +63,9 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidateUpdate:
-    """Possible update of a track with a measurement: its NIS, and the track after it on demand.
+    """Possible update of a track with a measurement: its NIS, and the updated track on demand.
 
-    Most pairs of a crowded field need only the first; the second takes most of the time.
+    Most pairs of a crowded field need only the NIS; the updated track takes most of the time.
     """
 
     nis: float | None
@@ -72,7 +73,7 @@ class CandidateUpdate:
 
     @functools.cached_property
     def state(self) -> TrackState:
-        """Track after the measurement."""
+        """Track updated with the measurement, computed when first read."""
         return self.make()
 
 
@@ -82,10 +83,11 @@ def candidate_update(
     settings: FilterConfig,
     errors: StreakErrors = NO_ERRORS,
 ) -> CandidateUpdate:
-    """Compare a measurement with the track.
+    """Compute the possible update of a track with a measurement.
 
-    ``errors``: those that its streak adds, for the presets that use them. With a rolling shutter
-    the measurement may be a little later than the frame: the prediction is carried there.
+    ``errors``: those that the streak's shape indicates, for presets that use them. With a rolling
+    shutter the measurement may be a little later than the frame: the prediction is carried to its
+    instant.
     """
     there = _at(predicted, measurement, settings)
     return _weighed_there(there, ((measurement, errors),), settings)[measurement]
@@ -96,7 +98,7 @@ def candidate_updates(
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> dict[Measurement, CandidateUpdate]:
-    """``candidate_update`` for several measurements and their streaks' errors, in less time."""
+    """``candidate_update`` of several measurements, each with its streak's errors, in less time."""
     if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
         return _weighed_there(predicted, measured, settings)
     return {m: candidate_update(predicted, m, settings, errors) for m, errors in measured}
@@ -149,7 +151,11 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
     failed: TrackState,
     settings: FilterConfig,
 ) -> TrackState:
-    """Restart the filter from another prediction, where its own has ``failed``."""
+    """Restart the filter from another prediction, at an instant.
+
+    ``failed``: the track as its own filter predicted it. ``covariance`` (4, 4) of east, its rate,
+    north, its rate: arcsec and arcsec/s.
+    """
     if settings.uses_bank and failed.t_utc_ns == t_utc_ns:
         return adaptive.restarted_from(
             direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed

@@ -29,20 +29,23 @@ Verdict = Literal["too few", "sound", "over-confident", "under-confident"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consistency:
-    """Consistency of a filter by its last innovations."""
+    """Consistency of a filter, judged by its last innovations."""
 
     verdict: Verdict
     mean: float | None
-    """Mean of these NIS; 2 for a sound filter."""
+    """Mean of the last NIS, about 2 for a sound filter; None: no update yet."""
     count: int
     words: str
-    """Sentence for the operator."""
+    """The result as a sentence for the operator."""
 
 
 def consistency(
     nis: Sequence[float], residuals_arcsec: Sequence[tuple[float, float]] = ()
 ) -> Consistency:
-    """Judge the last ``WINDOW`` updates, oldest first; residuals (east, north) of the same ones."""
+    """Judge the consistency of a filter by its last ``WINDOW`` updates.
+
+    ``nis``: the NIS of each update, oldest first; ``residuals_arcsec``: its residual (east, north).
+    """
     recent = list(nis)[-WINDOW:]
     count = len(recent)
     if count < MIN_UPDATES:
@@ -70,7 +73,7 @@ def consistency(
 
 @lru_cache(maxsize=256)
 def mean_band(count: int) -> tuple[float, float]:
-    """Bounds of the mean of ``count`` NIS of a sound filter, 95 times in 100."""
+    """Bounds that hold the mean of ``count`` NIS of a sound filter 95 times in 100."""
     return _mean_exceeded(count, 0.975), _mean_exceeded(count, 0.025)
 
 

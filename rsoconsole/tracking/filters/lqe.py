@@ -24,7 +24,7 @@ ARCSEC_PER_DEG = 3600.0
 SIGMA_FLOOR_ARCSEC = 0.10
 """Smallest sigma of a measurement, whatever its own covariance says."""
 SIGMA_CEILING_ARCSEC = 36_000.0
-"""Largest sigma of a measurement: beyond it numbers no longer invert, and the sky is no wider."""
+"""Largest sigma of a measurement; with larger ones numbers no longer invert."""
 _MIN_COS_DEC = 1e-3
 ADAPTED_SPAN_S = 120.0
 """Longest time since the last measurement over which the adapted process noise holds."""
@@ -43,9 +43,10 @@ C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 def initialise(
     first: Measurement, second: Measurement, settings: FilterConfig, *, track_id: int = 1
 ) -> TrackState:
-    """Initiate a track at the second of two measurements: its angles, the slope between both.
+    """Initiate a track at the second of two measurements.
 
-    Raises ValueError when the second is not the later one.
+    The angles are those of the second, the rates follow from both. Raises ValueError when the
+    second is not the later one.
     """
     dt_s = span_s(first, second)
     ra_rate = wrap_180(second.ra_icrs_deg - first.ra_icrs_deg) / dt_s
@@ -61,7 +62,10 @@ def initialise(
 
 
 def span_s(first: Measurement, second: Measurement) -> float:
-    """Seconds between the two measurements of a new track; ValueError when not in order."""
+    """Seconds between the two measurements of a new track.
+
+    Raises ValueError when they are not in order of time.
+    """
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0.0:
         raise ValueError(f"a track needs its second measurement after the first, not {dt_s:+.3f} s")
@@ -69,7 +73,7 @@ def span_s(first: Measurement, second: Measurement) -> float:
 
 
 def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict[str, Any]:
-    """Fields of a track's first state that do not depend on the preset."""
+    """Fields of a track's first state that are the same for all presets."""
     return {
         "kind": "initial",
         "frame_id": second.frame_id,
@@ -80,9 +84,10 @@ def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict
 
 
 def next_fields(before: TrackState, frame_id: int, **changed: Any) -> dict[str, Any]:
-    """Fields of a track's next state that do not depend on the preset.
+    """Fields of a track's next state that are the same for all presets.
 
-    ``changed``: the fields that differ from ``before``; a prediction, unless it names another kind.
+    ``changed``: the fields that differ from ``before``. The state is a prediction, unless they name
+    another kind.
     """
     return {
         "kind": "predicted",
@@ -102,7 +107,7 @@ def update_fields(
     innovation_arcsec: FloatArray,
     sigma_arcsec: FloatArray,
 ) -> dict[str, Any]:
-    """Fields of an updated state that do not depend on the preset."""
+    """Fields of an updated state that are the same for all presets."""
     return next_fields(
         predicted,
         measurement.frame_id,
@@ -188,8 +193,8 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
 ) -> TrackState:
     """Restart the filter from another prediction, where its own has ``failed``.
 
-    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. It goes on with
-    the full process noise at least: with less it has just failed.
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. From then on the
+    process noise is at least the full one: with less the filter has just failed.
     """
     cos_dec = _cos_dec(direction_deg[1])
     to_deg = np.array([1.0 / cos_dec, 1.0 / cos_dec, 1.0, 1.0]) / ARCSEC_PER_DEG
@@ -271,7 +276,7 @@ def transition(dt_s: float) -> FloatArray:
 
 
 def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatArray:
-    """Process noise Q (4, 4) in deg and deg/s; a negative dt gives that of going back in time."""
+    """Process noise Q (4, 4) in deg and deg/s; a negative dt is for prediction back in time."""
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
         diagonal = np.array([500.0 * sigma, sigma / 100.0, sigma / 5.0, sigma / 100.0])
@@ -286,7 +291,7 @@ def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatA
 
 
 def q_terms(settings: FilterConfig) -> tuple[float, float, float, float]:
-    """Return the operator's factors of Q: right ascension, its rate, declination, its rate."""
+    """Return the operator's factors on Q: of right ascension, its rate, declination, its rate."""
     return (
         settings.q_ra_multiplier,
         settings.q_ra_rate_multiplier,
@@ -302,7 +307,7 @@ def _scaled(covariance: FloatArray, terms: tuple[float, ...]) -> FloatArray:
 
 
 def measurement_noise(measurement: Measurement, settings: FilterConfig) -> FloatArray:
-    """Measurement noise R (2, 2) of (alpha, delta), deg^2; alpha widens towards the pole."""
+    """Measurement noise R (2, 2) of (alpha, delta), deg^2; alpha's grows towards the pole."""
     terms = settings.r_ra_multiplier, settings.r_dec_multiplier
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG

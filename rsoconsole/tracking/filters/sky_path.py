@@ -2,10 +2,11 @@
 
 A great circle does not turn; a path of constant rates in right ascension and declination (a
 geostationary satellite: a parallel) turns by an amount given by both rates and the declination;
-closer orbits lie between and beyond. So six numbers describe a motion: place, rate, how the speed
-changes and how sharply the path turns. Places are tangent-plane coordinates about a direction,
-arcsec (east, north); turn is per length of path, without unit: 1 turns by as much as it moves on.
-Sources: Jacobi's small circles; the covariant derivative on a sphere, do Carmo 1976, 4-4.
+closer orbits lie between and beyond. So six numbers describe a motion: place (two), rate (two), how
+the speed changes and how sharply the path turns. Places are tangent-plane coordinates about a
+direction, arcsec (east, north). Turn is per length of path, without unit: at a turn of 1 the
+direction changes by one radian for each radian of path. Sources: Jacobi's small circles; the
+covariant derivative on a sphere, do Carmo 1976, 4-4.
 """
 
 import functools
@@ -49,7 +50,7 @@ class Plane:
 
     @classmethod
     def at(cls, ra_icrs_deg: float, dec_icrs_deg: float) -> "Plane":
-        """Return the plane that touches the sky there."""
+        """Return the plane that touches the sky at a direction."""
         ra, dec = math.radians(ra_icrs_deg), math.radians(dec_icrs_deg)
         return cls(
             direction_to_unit(ra_icrs_deg, dec_icrs_deg),
@@ -64,7 +65,10 @@ class Plane:
         return float(ra) % 360.0, float(dec)
 
     def place_of(self, ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
-        """(2,) place of a direction, arcsec; from about a right angle on it lies far off."""
+        """(2,) place of a direction on the plane, arcsec.
+
+        Far off for a direction at a right angle or beyond.
+        """
         unit = _unit_of(ra_icrs_deg, dec_icrs_deg)
         flat, depth = np.array([unit @ self.east, unit @ self.north]), float(unit @ self.towards)
         if depth < _MIN_DEPTH:
@@ -74,7 +78,7 @@ class Plane:
         return np.asarray(flat / depth / ARCSEC_RAD)
 
     def direction_of(self, x_arcsec: float, y_arcsec: float) -> tuple[float, float]:
-        """RA and Dec of a place on it."""
+        """RA and Dec of a place on the plane."""
         unit = self.towards + ARCSEC_RAD * (x_arcsec * self.east + y_arcsec * self.north)
         ra, dec = unit_to_direction(unit)
         return float(ra) % 360.0, float(dec)
@@ -109,7 +113,10 @@ def _unit_of(ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
 
 
 def constant_rate_bend(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArray) -> FloatArray:
-    """Change of speed and turn, (..., 2), of constant rates in RA and Dec; ``rate`` (..., 2)."""
+    """Change of speed and turn, (..., 2), of a motion with constant rates in RA and Dec.
+
+    ``rate_arcsec_s`` (..., 2): east and north.
+    """
     east, north = rate_arcsec_s[..., 0], rate_arcsec_s[..., 1]
     tangent = np.tan(np.radians(np.clip(dec_icrs_deg, -89.9, 89.9)))
     speed = np.maximum(np.hypot(east, north), _SLOWEST_ARCSEC_S)
@@ -122,7 +129,7 @@ def constant_rate_bend(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArr
 def propagated_on_sky(
     plane: Plane, motion: FloatArray, dt_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors and rates (rad/s), (..., 3), of motions (..., 6) after ``dt_s``."""
+    """Unit vectors and their rates (rad/s), both (..., 3), of motions (..., 6) after ``dt_s``."""
     unit, rate = plane._placed(motion)
     if dt_s == 0.0:
         return unit.rows(), rate.rows()
@@ -141,7 +148,7 @@ def propagated_on_sky(
 
 
 def motion_on_plane(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) -> FloatArray:
-    """Motions (..., 6) on another plane after a time; change of speed and turn stay."""
+    """Motions (..., 6) after ``dt_s``, on another plane; change of speed and turn stay."""
     unit, rate = propagated_on_sky(plane, motion, dt_s)
     return onto._seen(unit, rate, motion[..., 4:])
 
@@ -149,7 +156,7 @@ def motion_on_plane(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) 
 def motion_and_slopes_on_plane(
     plane: Plane, motion: FloatArray, dt_s: float, onto: Plane
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute ``motion_on_plane`` and its slopes (..., 6, 6), each number by each before."""
+    """``motion_on_plane`` and its slopes (..., 6, 6): each later number by each earlier one."""
     shifted = motion[None] + (_STEPS * np.eye(6)).reshape(6, *(1,) * (motion.ndim - 1), 6)
     every = motion_on_plane(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
     after = every[0]
@@ -158,7 +165,7 @@ def motion_and_slopes_on_plane(
 
 
 def plane_after(plane: Plane, motion: FloatArray, dt_s: float) -> Plane:
-    """Plane that touches the sky where one motion (6,) leads."""
+    """Plane that touches the sky where a motion (6,) leads in ``dt_s``."""
     unit, _ = propagated_on_sky(plane, motion, dt_s)
     ra, dec = unit_to_direction(unit)
     return Plane.at(float(ra), float(dec))

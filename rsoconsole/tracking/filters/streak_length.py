@@ -1,19 +1,19 @@
 """Error of a streak's middle, judged by the streak's length. Pure.
 
 The middle lies between two ends, each with an error of its own: of wind that blew while the shutter
-opened, of cloud, of a star upon it. Their sum is the streak's excess over the length that its
-motion has in one exposure, their difference shifts the middle by half of it. Independent ends make
-both as large, so the scatter of the excess from frame to frame gives the error along the motion,
-whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and differences of
-independent errors). An excess that is the same in every frame (blur, a drift of the stars) moves no
-middle; but a streak that is always too short, as of a satellite that flashes, may lie anywhere in
-its full length: half of that is believed.
+opened, of cloud, of a star upon it. The sum of both errors is the streak's excess over the length
+of its motion in one exposure; half their difference shifts the middle. Independent ends make sum
+and difference equally large, so the scatter of the excess from frame to frame gives the error along
+the motion, whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and
+differences of independent errors). An excess that is the same in every frame (blur, a drift of the
+stars) moves no middle; but a streak that is always too short, as of a satellite that flashes, may
+lie anywhere in its full length: half of that is assumed.
 
-Of a satellite that flashes about as often as the shutter opens, streak after streak shows a part,
-and the part's place within the whole creeps from frame to frame: the errors of such a run are one
-error, which no averaging takes away and which poses as a rate. Its k-th streak therefore counts as
-the k-th part of one (a mean of k values with one error in common is no better than one of them),
-and a streak of full length among them has both its ends and counts whole.
+A satellite that flashes about as often as the shutter opens shows a part of its path in streak
+after streak, and the part's place within the whole creeps from frame to frame. The errors of such a
+run are one error, which no averaging takes away and which looks like a rate. The k-th streak of a
+run therefore counts as the k-th part of one (a mean of k values with one error in common is no
+better than one of them). A streak of full length among them has both its ends and counts whole.
 """
 
 import itertools
@@ -33,7 +33,7 @@ from rsoconsole.tracking.filters.agreement import (
 )
 
 REMEMBERED = 30
-"""Number of streaks whose excess and turn are kept."""
+"""Number of a track's last streaks whose excess and end offset are remembered."""
 _NONE_AT_FIRST = (0.0, 0.0)
 """Excesses of two streaks of full length, assumed before the first: the centre does not follow the
 first alone."""
@@ -57,15 +57,14 @@ sky."""
 
 
 class StreakErrors(NamedTuple):
-    """One sigma of a streak's middle beyond what its measurement states, arcsec."""
+    """Errors of a streak's middle beyond what its measurement states: one sigma, arcsec."""
 
     along_arcsec: float = 0.0
     """Error along the streak, from its length."""
     across_arcsec: float = 0.0
     """Error across the streak, from its direction and length (``end_offset_arcsec``).
 
-    As part of the measurement's own error it is larger where a bank believes that all its errors
-    are.
+    It becomes part of the measurement's covariance, so that a bank scales it with the rest.
     """
 
 
@@ -77,9 +76,9 @@ class StreakHistory:
     """Shapes of a track's last streaks, by which the errors of the next one are judged; arcsec."""
 
     excesses_arcsec: tuple[float, ...] = ()
-    """Excesses of their lengths over the motion in one exposure."""
+    """Excesses of the streaks' lengths over the motion in one exposure."""
     half_turns_arcsec: tuple[float, ...] = ()
-    """Offsets of their ends from the line of the motion through their middles."""
+    """Offsets of the streaks' ends from the line of the motion through the streaks' middles."""
 
 
 NO_STREAKS = StreakHistory()
@@ -100,8 +99,8 @@ def along_error_arcsec(
 ) -> float:
     """Sigma along the motion beyond the measurement's own, from the excess of its streak.
 
-    ``before``: excesses of the streaks before it, arcsec. Streaks in a row that show a part of
-    their length have one error in common; the first of them may lie anywhere in its full length.
+    ``before``: excesses of the track's earlier streaks, arcsec. Streaks in a row that show a part
+    of their length have one error in common; the first of them may lie anywhere in its full length.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or length == 0.0:
@@ -131,10 +130,10 @@ def along_error_arcsec(
 def with_part_error(
     measurement: Measurement, expected: Motion, before: Sequence[float]
 ) -> Measurement:
-    """Widen the covariance of a streak that shows a part of its length by what that leaves open.
+    """Widen the covariance of a streak that shows only a part of its length.
 
-    A streak that shows all of it is returned as it is. ``before``: excesses of the streaks before
-    it, arcsec.
+    The part may lie anywhere in the full length. A streak of full length is returned unchanged.
+    ``before``: excesses of the track's earlier streaks, arcsec.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or excess >= -_PART_SHARE * length:
@@ -147,7 +146,7 @@ def with_part_error(
 
 
 def flashes_by_lengths(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
-    """True where enough of its streaks were parts of their length to say that it flashes."""
+    """True where enough of a track's streaks show only a part of their length: it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
     return parts >= max(_MIN_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
 
@@ -163,7 +162,7 @@ def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
 def excesses_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
-    """Excesses of the streaks up to this one, arcsec."""
+    """Excesses of a track's last streaks, with that of one more measurement, arcsec."""
     excess = excess_arcsec(measurement, expected)
     every = before if excess is None else (*before, excess)
     return tuple(every)[-REMEMBERED:]
@@ -175,7 +174,7 @@ likeliest of those nights, by Student's law with ten degrees of freedom."""
 
 
 def end_offset_arcsec(measurement: Measurement, expected: Motion) -> float | None:
-    """Offset of an end from the line of the motion through the middle.
+    """Offset of a streak's end from the line of the motion through the streak's middle.
 
     To the left of the motion, seen from the earlier end; None: the streak has no direction.
     """
@@ -197,9 +196,10 @@ def across_error_arcsec(
     turns_arcsec: Sequence[float] = (),
     excesses_arcsec: Sequence[float] = (),
 ) -> float:
-    """Sigma across the motion beyond the measurement's own, from its streak's turn and excess.
+    """Sigma across the motion beyond the measurement's own, from its streak's shape.
 
-    ``turns_arcsec``, ``excesses_arcsec``: those of the streaks before it.
+    ``turns_arcsec``: end offsets of the track's earlier streaks. ``excesses_arcsec``: excesses of
+    their lengths.
     """
     if not turns_arcsec or not excesses_arcsec:
         return 0.0
@@ -217,7 +217,7 @@ def across_error_arcsec(
 def end_offsets_with(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
-    """Half turns of the streaks up to this one, arcsec."""
+    """End offsets of a track's last streaks, with that of one more measurement, arcsec."""
     half = end_offset_arcsec(measurement, expected)
     every = before if half is None else (*before, half)
     return tuple(every)[-REMEMBERED:]

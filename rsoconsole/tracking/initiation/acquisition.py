@@ -1,4 +1,4 @@
-"""Track initiation by frames that agree on one motion: two of streaks, more of points. Pure."""
+"""Track initiation by frames that agree on one motion: two of streaks, or more of points. Pure."""
 
 from dataclasses import replace
 
@@ -44,7 +44,10 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
 
 AS_GOOD_AS_CERTAIN = 0.9
-"""Confidence from which the smaller position error decides which of two to follow."""
+"""Confidence from which two measurements count as equally sure.
+
+The one with the smaller position error is then followed.
+"""
 
 
 REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
@@ -55,10 +58,11 @@ def acquire(
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Initiate tracks from frames whose measurements agree on one motion, found by ``chains``.
 
-    The most confident one that has a partner leads; of those as good as certain, the one with the
-    smallest position error, the brightest as a rule. Streaks cut by the frame, and those surely no
-    satellite, initiate none unless the operator chose them. The reason why a measurement is not
-    accepted is recorded once: of a candidate that waits for a second frame, with that frame.
+    The most confident measurement with a partner in an earlier frame leads; of those as good as
+    certain, the one with the smallest position error, the brightest as a rule. Streaks cut by the
+    frame's edge, and those surely no satellite, initiate no track unless the operator chose them.
+    Each measurement that is not accepted is recorded once, with its reason: a candidate that waits
+    for a second frame, with that frame.
     """
     whole = tuple(m for m in seen.measurements if not m.is_clipped)
     usable = tuple(m for m in whole if m.object_class in TRACKABLE_CLASSES)
@@ -178,7 +182,10 @@ def new_track(
     is_lead: bool,
     trial: int = chains.ON_TRIAL,
 ) -> LiveTrack:
-    """Initiate a new track through two measurements or more."""
+    """Initiate a new track through a chain of two measurements or more.
+
+    ``trial``: as in ``LiveTrack``.
+    """
     track = track_through(chain[0], chain[1], track_id, seen, settings)
     streaks = streak_history_with(NO_STREAKS, track, chain[1], seen)
     for m in chain[2:]:
@@ -233,7 +240,10 @@ def track_through(
 def streak_history_with(
     before: StreakHistory, track: TrackState, taken: Measurement, seen: FrameInput
 ) -> StreakHistory:
-    """Shapes of a track's streaks with that of one more; turns for preset ``adaptive`` only."""
+    """Shapes of a track's streaks, with that of one more measurement.
+
+    End offsets for preset ``adaptive`` only.
+    """
     expected, turns = expected_motion(track, seen.exposure_s), before.half_turns_arcsec
     return StreakHistory(
         excesses_arcsec=excesses_with(before.excesses_arcsec, taken, expected),
@@ -244,7 +254,7 @@ def streak_history_with(
 def errors_of(
     m: Measurement, expected: Motion, before: StreakHistory, settings: FollowSettings
 ) -> StreakErrors:
-    """Errors of a streak's middle by its shape; none for presets other than ``adaptive``.
+    """Errors of a streak's middle that its shape indicates; none except for preset ``adaptive``.
 
     ``before``: the track's streaks up to it.
     """

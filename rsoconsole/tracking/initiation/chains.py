@@ -1,11 +1,11 @@
 """Chains that initiate a track: two streaks that agree on one motion, or several points. Pure.
 
-A streak shows its motion, so two frames are enough of them. A point (a short exposure, a telescope
-that keeps pace) shows only a place: any two points are two points of something. An object is
-separated from chance there by frames in a line, and by others that move alike, so points wait in a
-window of frames until a chain of them (``link``) is far likelier than chance. A streak that the
-frame before did not show may have been hidden in it: beside tracks the frame before that is used
-too.
+A streak shows its motion, so streaks in two frames are enough. A point (a short exposure, a
+telescope that tracks the object) shows only a place, and any two points could be one object. Points
+of an object are distinguished from chance by lying in a line over several frames, and by others
+that move alike. So points wait in a window of frames until a chain of them (``link``) is far
+likelier than chance. A streak may have been hidden in the frame before: beside existing tracks it
+may also pair with one of the frame before that.
 """
 
 import math
@@ -35,18 +35,27 @@ from rsoconsole.tracking.filters.sky_path import Plane
 from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_points
 
 LOST_TOLERANCE = 0.4
-"""Share of its length that a streak of a pair may lack or have in excess."""
+"""Fraction of its expected length by which a streak of a pair may be too short or too long."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
-"""Sigma of a streak's direction, as displacement across it, and of its length."""
+"""Sigma of a streak's direction: arcsec across it and share of its length; sigma of its length.
+
+The last one is a share of the length too.
+"""
 BEND_DEG = 5.0
 """Sigma of the bend that all streaks of a frame share."""
 COMMON_ARCSEC, COMMON_SHARE = 10.0, 0.05
-"""Sigma of the motion from frame to frame that satellites of one field share."""
+"""Sigma of the differences in motion between satellites of one field, from frame to frame.
+
+Arcsec, and share of the motion.
+"""
 ALONE_COST = 12.0
-"""Cost of a pair with a motion of its own."""
+"""Cost of a pair that moves unlike the others."""
 UNSURE_COST = 8.0
-"""Largest cost of a pair with a motion of its own by errors: its streaks' two directions and
-lengths by two sigmas each or so. A pair off by more is rather two objects, each seen once."""
+"""Largest cost, by errors of its streaks, of a pair that moves unlike the others.
+
+Two directions and two lengths off by two sigmas each or so. Beyond it two objects are likelier,
+each seen once.
+"""
 UNPAIRED_COST = ALONE_COST + UNSURE_COST
 _NOBODY = 1e6
 """Cost of a streak without a partner: as many as possible have one."""
@@ -90,10 +99,9 @@ def pairs_between(
 ) -> dict[Measurement, Measurement]:
     """Return the first of each second one, where two frames agree; each is in one pair at most.
 
-    The pairing is the likeliest of all: of two neighbours of which the first frame shows one, that
-    one is paired with itself. ``rates_arcsec_s``: rates of the tracks beside them (east, north);
-    ``unpaired``: cost of one without, where that may be likelier than a pair; None: as many as can
-    be have one.
+    The pairing is the likeliest of all: if the first frame shows one of two neighbours, that one is
+    paired with itself. ``rates_arcsec_s``: rates of the existing tracks (east, north).
+    ``unpaired``: cost of a measurement without a partner; None: as many pairs as possible.
     """
     pairs = _pairs(firsts, seconds, exposure_s)
     is_one = np.isfinite(pairs.cost)
@@ -207,9 +215,12 @@ def _student(sigmas: FloatArray) -> FloatArray:
 WINDOW = 5
 """Number of frames in which points wait, the present one among them."""
 BEGINS_AT = 0.9
-"""Probability from which a chain of points initiates a track: it is not revoked."""
+"""Probability from which a chain of points initiates a track.
+
+The track is not revoked.
+"""
 CHANCE = 0.05
-"""Largest expected number of such chance chains for one to initiate a track."""
+"""Largest number of such chains expected by chance for one to initiate a track."""
 _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
 """Limits of near points and like motions: number of sigma, and share of the speed."""
 _WIDER = 2.2
@@ -220,12 +231,17 @@ _MAX_POINTS = 60
 _MIN_FALSE = 0.5
 """Least assumed number of points a frame that are no object's."""
 APART_COST = ALONE_COST + UNSURE_COST / 2.0
-"""Cost of a pair with a motion of its own beside tracks: its streaks' directions and lengths by one
-sigma each or so. Worse ones wait for frames that show them better."""
+"""Largest cost of a pair of streaks that initiates a track beside others.
+
+It allows a motion of its own, with directions and lengths off by one sigma each or so. Worse pairs
+wait for frames that show them better.
+"""
 ON_TRIAL, APART_ON_TRIAL = 1, 2
-"""Measurements after its second that a track needs to outlive a miss; the second number for a
-motion unlike those beside it, which chance makes more often. A track that moves as another does
-needs none."""
+"""Updates after its initiation that a track needs to outlive a miss.
+
+The second number is for a motion unlike those beside it, which chance makes more often. A track
+that moves as another does needs none.
+"""
 _AS_ANOTHER_ARCSEC = 10.0
 """Largest difference, arcsec, of the displacements of two that move alike: the shutter's scatter
 and a slot's."""
@@ -233,7 +249,7 @@ Chain = tuple[Measurement, ...]
 
 
 def uses_window(settings: FollowSettings) -> bool:
-    """True where more than two successive frames are used."""
+    """True for presets that initiate tracks from more than two successive frames."""
     return settings.filter.uses_bank
 
 
@@ -244,9 +260,9 @@ def found_chains(
     settings: FollowSettings,
     tracks: Sequence[LiveTrack] = (),
 ) -> dict[Measurement, Chain]:
-    """Find chains that initiate tracks: by the last measurement the earlier ones, in order of time.
+    """Find the chains that initiate tracks: for the last measurement of each, the earlier ones.
 
-    ``tracks``: the existing tracks.
+    In order of time. ``tracks``: the existing tracks.
     """
     # Two that the operator wants to be one object are.
     if not uses_window(settings) or seen.chosen is not None:
@@ -273,7 +289,7 @@ def trial_lengths(
     settings: FollowSettings,
     rates_arcsec_s: Sequence[tuple[float, float]] = (),
 ) -> list[int]:
-    """Measurements that the track of each chain needs before it outlives a miss.
+    """Number of updates that each chain's track needs before it outlives a miss.
 
     ``rates_arcsec_s``: those of the tracks beside it, east and north.
     """
@@ -308,7 +324,10 @@ def _same_frames(one: Chain, other: Chain) -> bool:
 
 
 def waiting_measurements(before: Following, taken: Collection[Measurement]) -> Chain:
-    """Measurements of earlier frames that may still initiate a track with later ones."""
+    """Measurements of earlier frames that may still initiate a track with later ones.
+
+    ``taken``: measurements used already.
+    """
     waiting = [m for m in (*before.earlier, *before.candidates) if m not in taken]
     frames = sorted({m.frame_id for m in waiting}, reverse=True)[: WINDOW - 2]
     return tuple(m for m in waiting if m.frame_id in frames)

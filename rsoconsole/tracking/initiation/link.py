@@ -1,13 +1,13 @@
 """Points of a few successive frames joined into tracklets, each with a probability. Pure.
 
 Every set of points, at most one a frame, through which a straight line at constant speed passes is
-a hypothesis; its gain over chance is a likelihood ratio: how well the points lie on the line
-against how densely points lie anyhow, frames without a point, and how far its motion is from that
-which the objects of the sequence share. The set of hypotheses that gains most and uses no point
+a hypothesis. Its gain over chance is the logarithm of a likelihood ratio: how well the points lie
+on the line, against how densely points lie anyhow, how many frames are without a point, and how far
+the motion is from that of most objects. The set of hypotheses that gains most and uses no point
 twice is the answer (Morefield 1977, IEEE Trans. Automatic Control 22, 302; solved as an integer
-programme), and a tracklet's probability follows from the answer's gain over the best one without
-it. The common motion is learnt from the points themselves: geostationary objects all cross the
-stars alike.
+programme). A tracklet's probability follows from the gain of the answer over the best one without
+the tracklet. The common motion is learnt from the points themselves: geostationary objects all
+cross the stars alike.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,7 +25,7 @@ _COMMON_TRIALS = 24
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionPrior:
-    """Prior of points and motions before the frames are seen; any unit of length."""
+    """What is assumed of points and motions before the frames are seen; any unit of length."""
 
     sigma: float
     """Sigma of a point, on each axis."""
@@ -35,19 +35,21 @@ class MotionPrior:
     """Largest speed, length per second."""
     detection_probability: float = 0.9
     false_points: float = 2.0
-    """Mean number of false points in a frame."""
+    """Mean number of points in a frame that are of no object."""
     common: tuple[float, float] | None = None
-    """Motion that objects share; None: learnt from the points."""
+    """Motion (per second) that most objects share; None: learnt from the points."""
     shares: tuple[tuple[float, float], ...] = ((0.8, 0.02), (0.15, 0.15))
-    """Shares of the objects that keep to the common motion, each with its sigma as a share of the
-    speed; the rest have any motion."""
+    """Parts of the objects that share the common motion: (share, sigma as a fraction of the speed).
+
+    The remaining objects have any motion.
+    """
     objects: float = 1.5
-    """Mean number of objects in a sequence."""
+    """Mean number of objects in a sequence of frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tracklet:
-    """Points of one object."""
+    """Points of one object over several frames, with its rates."""
 
     points: tuple[tuple[int, int], ...]
     """Points as (frame, index of the point in it), in order of time."""
@@ -68,10 +70,10 @@ class _Hypothesis:
 def link_points(
     t_s: Sequence[float], points: Sequence[FloatArray], known: MotionPrior
 ) -> tuple[Tracklet, ...]:
-    """Find tracklets through frames at ``t_s``, with points (M, 2) in each; the surest first.
+    """Find tracklets through frames at times ``t_s``, the surest first.
 
-    A point belongs to one tracklet at most. Two points make a tracklet only where they move as the
-    others do.
+    ``points``: (M, 2) for each frame. A point belongs to one tracklet at most. Two points make a
+    tracklet only where they move as the others do.
     """
     hypotheses = _hypotheses(t_s, [np.reshape(each, (-1, 2)) for each in points], known)
     common = _common_motion(hypotheses, known)
@@ -214,7 +216,10 @@ def _lone_price(common: FloatArray | None, known: MotionPrior) -> float:
 
 
 def best_disjoint(candidates: Sequence[tuple[tuple[tuple[int, int], ...], float]]) -> list[int]:
-    """Choose disjoint sets of points that gain most together; indices in ``candidates``."""
+    """Choose the sets of points that gain most together without sharing a point.
+
+    ``candidates``: each set with its gain. Returns indices in ``candidates``.
+    """
     chosen: list[int] = []
     for group in _connected([points for points, _ in candidates]):
         sets = [candidates[n][0] for n in group]
