@@ -33,19 +33,14 @@ class Machine:
 
     python: "tuple[int, int]"
     machine: str
-    """Architecture as ``uname -m`` names it.
-
-    A 64-bit kernel may carry a 32-bit system: see ``is_64_bit``.
-    """
+    """Architecture as ``uname -m`` gives it; a 64-bit kernel may carry a 32-bit system."""
     is_64_bit: bool
     """True for a 64-bit Python, and hence a 64-bit system."""
     is_glibc: bool
     has_venv: bool
     header_fault: str
-    """Reason why C code that includes Python.h does not compile; empty where it does.
-
-    Empty also where nothing needs to be compiled.
-    """
+    """Reason why nothing that includes Python.h can be compiled; empty where it can or need not
+    be."""
     free_mb: int
 
 

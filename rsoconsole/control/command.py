@@ -38,10 +38,8 @@ class Command:
     is_urgent: ClassVar[bool] = False
     """True for a command that is executed at once, even while an exposure is under way."""
     moves_mount: ClassVar[bool] = False
-    """True for a command that may move the mount.
-
-    While it waits in the queue, a limit or the end of the night cancels it.
-    """
+    """True for a command that may move the mount: a limit and the end of the night undo it while it
+    waits."""
     survives_stop: ClassVar[bool] = False
     """True for a command that STOP does not cancel while it waits, because it moves nothing."""
     needs_control: ClassVar[bool] = True

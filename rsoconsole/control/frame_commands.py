@@ -68,10 +68,8 @@ class MarkByHand(Decision):
     sigma_px: float | None = None
     """One sigma of the ends, px; None: the default of a mark by hand."""
     sigma_across_px: float | None = None
-    """One sigma across the streak, px, where the mark was refined on the image.
-
-    ``sigma_px`` then holds along the streak. None: ``sigma_px`` holds in both directions.
-    """
+    """One sigma across, px, where refined on the light beneath it: ``sigma_px`` is then along
+    it."""
     is_clipped: bool | None = None
     """True where the image shows that the frame's edge cuts the streak."""
     replaces: bool | None = None

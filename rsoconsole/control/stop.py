@@ -41,17 +41,11 @@ FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
 """From when a STOP's times count: from its sending, or from its arrival in the engine."""
 
 Found = Mapping[str, Any]
-"""Result of a STOP so far, by the keys of the engine's answer.
-
-is_answered: the driver has accepted ABORT; path: the connection that reached the mount; ordered_ms
-and ms: times until ABORT was on its way and until this result; detail: reason of a failure; motion
-and rate_deg_s: once the motion is measured.
-"""
+"""Result of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
+motion and rate_deg_s once it is measured."""
 DirectStop = Callable[[Callable[[Found], None]], None]
-"""Function that stops the mount without the engine; it may raise anything.
-
-It calls its argument with each new result, and returns when no further result comes.
-"""
+"""Stops the mount without the engine; calls its argument with each new result, and returns when
+nothing more comes. May raise anything."""
 
 
 Phase = Literal["sent", "late", "answered", "stopped", "failed"]
@@ -62,12 +56,8 @@ class StopNews:
     """The state of a STOP, as it is passed to ``on_news``."""
 
     phase: Phase
-    """How far the STOP has come.
-
-    sent: no answer yet; late: no answer in time; answered: the driver has accepted ABORT, the
-    motion is being measured; stopped: measured to be at rest; failed: the mount still moves, or its
-    motion is not known.
-    """
+    """Phase; answered: by the driver, and being measured; stopped: measured to be at rest; failed:
+    it moves on, or its motion is not known."""
     text: str
     path: str = ""
     """Connection of the answer, or of the last attempt: mount, indi or engine."""
@@ -84,10 +74,8 @@ class StopNews:
     reason: str = ""
     """Reason why the STOP failed; empty where it has not."""
     is_superseded: bool = False
-    """True where another order came before the motion was measured.
-
-    This raises no alarm, but whether the mount stopped is not known.
-    """
+    """True where another order came before it was measured: no alarm, but nothing is known
+    either."""
 
 
 def with_time_origin(said: str, ordered_ms: float | None, since: str) -> str:

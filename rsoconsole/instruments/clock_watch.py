@@ -22,10 +22,8 @@ REPEAT_WITHIN_S = 2.0
 MIN_APART_S = 0.02
 """Shortest time between two looks that is used to compute a clock's rate."""
 MAX_PACE = 10.0
-"""Largest drift of a clock that counts as running wrong, seconds per second.
-
-Beyond it, the clock counts as set, however often.
-"""
+"""Largest drift, in seconds a second, of a clock that runs wrong; beyond it the clock is set,
+however often."""
 STEADY_S = 10.0
 """Time that a clock must run right before it is trusted again."""
 MIN_SLEEP_S = 0.5
@@ -54,10 +52,8 @@ class ClockWatch:
     def __init__(self, first: ClockReadings) -> None:
         self._last = self._reference = first
         self._paced: tuple[ClockReadings, float] | None = None
-        """Readings when the clock was last found to be off, and its drift then.
-
-        Drift in seconds per second.
-        """
+        """Readings when the clock was last found to be off, and its drift then, in seconds a
+        second."""
         self._unsteady_since: ClockReadings | None = None
         self._steady_since = first
 

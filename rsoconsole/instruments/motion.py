@@ -16,27 +16,20 @@ MotionKind = Literal["stands", "tracks", "moves", "unknown"]
 SIDEREAL_ARCSEC_S = 15.041067
 """Rate of the right ascension of a mount that stands still, arcsec/s."""
 STEPS_ARCSEC: tuple[float, ...] = (1.5, 15.0, 90.0)
-"""Steps in which drivers report right ascension, arcsec.
-
-INDI's base class reports changes of 1.5; drivers that read whole seconds, or tenths of a minute, of
-right ascension have no finer steps than 15, or 90.
-"""
+"""Steps of reported right ascensions: INDI's base class reports changes of 1.5; drivers that read
+seconds, or tenths of a minute, have no finer ones."""
 MIN_SPAN_S, MIN_HOST_SPAN_S = 2.0, 1.5
 MIN_REPORTS = 3
 MAX_WIDTH_ARCSEC_S = 10.0
 """Largest uncertainty of a rate (width of its interval) at which a motion is named."""
 REST_TOLERANCE_ARCSEC_S = 2.5
-"""Largest difference from the rate of tracking or standing that still counts as such.
-
-It allows for a lunar rate, and for the drift of a bad alignment.
-"""
+"""Largest difference of a rate from a rest that counts as one: a lunar rate, a drift of a bad
+alignment."""
 REPORT_DELAY_S = 0.1
 """Largest delay of one report relative to another."""
 HOST_DELAY_S = 1.0
-"""Possible delay of a report on a busy machine.
-
-A change that this delay alone explains proves neither motion nor rest.
-"""
+"""Delay of a report on a busy machine: a change that this alone explains is no motion, and no
+rest."""
 UNKNOWN_PERIOD_S = 2.0
 """Polling period assumed where the driver does not report it."""
 DRIFT_SPANS = 3.0
@@ -57,10 +50,7 @@ class Motion:
     """Rate of the right ascension (not times cos Dec): 0 while tracking, 15.04 at rest."""
     dec_rate_arcsec_s: float = 0.0
     host_since_s: float = field(default=math.inf, compare=False)
-    """Host time of the first report that shows the motion, for a slew or an uneven motion.
-
-    Infinite for every other motion.
-    """
+    """Host's time of the first report that shows the kind "moves"."""
 
     @property
     def is_at_rest(self) -> bool:

@@ -14,10 +14,8 @@ from rsoconsole.records import Frame, Site
 
 PierSide = Literal["east", "west"]
 StopPath = Literal["mount", "indi"]
-"""Path by which a STOP reaches the mount.
-
-"mount": through the mount's own process. "indi": by a second, plain connection to the INDI server.
-"""
+"""Path of a STOP: through the mount's own process, or by a second plain connection to the INDI
+server."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,10 +32,8 @@ class MountReport:
     pier_side: PierSide | None
     """Side of the pier on which the telescope is; None when the mount does not report it."""
     age_s: float = 0.0
-    """Age of the driver's report, wall clock, s; 0 in the simulated observatory.
-
-    The driver of a mount that only tracks may be silent for long.
-    """
+    """Age of the driver's report, wall clock; 0 in the simulated observatory. A mount that only
+    tracks may be silent for long."""
     is_parking: bool = False
     """True on the way to the park position, as the driver reports."""
     motion: Motion = field(default_factory=Motion)
@@ -49,25 +45,19 @@ class StopResult:
     """Result of a STOP so far: ABORT sent, answered by the driver, motion measured."""
 
     is_answered: bool
-    """True where the driver has accepted ABORT and reports no motion.
-
-    No proof that the mount stands.
-    """
+    """True where the driver has accepted ABORT and claims no motion any more: no proof that it
+    stands."""
     ms: float
     """Wall time from the request until ``is_answered`` was known, or given up, ms."""
     path: StopPath
     ordered_ms: float | None = None
-    """Wall time from the request until ABORT was sent to the mount, ms.
-
-    None: it was never sent, or the time is not known.
-    """
+    """Wall time from the request until ABORT was on its way to the mount; None: it never was, or it
+    is unknown."""
     is_tracking: bool | None = None
     """True where tracking is on, as the driver reports; None where it does not report that."""
     motion: Motion | None = None
-    """Motion measured after ABORT: the mount stands, tracks, still moves, or it is not known.
-
-    None while it is being measured.
-    """
+    """The motion measured since: it stands, tracks, still moves, or is not known. None while it
+    is being measured."""
     measured_ms: float | None = None
     """Wall time from the request until ``motion`` was known, or given up, ms."""
     detail: str = ""
@@ -95,10 +85,8 @@ class MountAbilities:
     """True where motion can be ended; False: only the power switch ends a slew."""
     can_park: bool = True
     can_set_tracking: bool = True
-    """True where tracking can be turned on and off.
-
-    False: tracking cannot be ended at a limit, and whether it is on is not known.
-    """
+    """True where tracking can be set; without it tracking cannot be ended at a limit, and its state
+    is unknown."""
     has_pier_side: bool = True
     has_site: bool = True
     has_time: bool = True
@@ -133,10 +121,8 @@ class SkyReport:
     """Weather and dome at one instant, as their drivers report them."""
 
     weather: Literal["ok", "warning", "alert", "silent"] | None
-    """State of the weather; None where no station is configured.
-
-    "silent": a station is configured and does not answer.
-    """
+    """State of the weather; None where no station is configured; "silent" where it is and does not
+    answer."""
     dome: Literal["open", "closed", "moving", "silent"] | None
     detail: str = ""
     """Message of the driver, or why it is silent."""
@@ -160,12 +146,9 @@ class ClockFault:
     """A fault of the machine's clock."""
 
     kind: ClockFaultKind
-    """Kind of fault.
-
-    "set": UTC was stepped, by a person or a time service. "leap second": UTC was stepped by one
-    second at the time of a leap second. "runs wrong": the clock runs at a wrong rate, until "runs
-    right". "slept": the whole machine slept. "stood still": this process was not run.
-    """
+    """Kind of fault. "set": UTC was stepped, by somebody or a time service; "leap second": by one;
+    "runs wrong": its seconds are none, until "runs right"; "slept": the whole machine; "stood
+    still": this process was not run."""
     seconds: float
     """Size of the step of UTC, or the time in which nothing ran, s."""
     rate: float = 1.0

@@ -145,11 +145,8 @@ _ENDS = ("ra_a_icrs_deg", "dec_a_icrs_deg", "ra_b_icrs_deg", "dec_b_icrs_deg")
 MIN_MORE = 3
 """Fewest measurements of a track that a further telescope finds: two may agree by chance."""
 USUAL_EXPOSURE_S = 0.1
-"""Exposure assumed for observations that state none, s.
-
-Such observations have no ends and count as points, as in short exposures. In a long exposure a fast
-object is a streak, which no point can be.
-"""
+"""Exposure of observations that state none: they have no ends and count as points, as in short
+exposures. In a long one a fast object is a streak, which no point can be."""
 
 
 def track(

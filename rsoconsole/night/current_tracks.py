@@ -51,10 +51,8 @@ class FollowedTrack:
     snr: float | None = None
     """Integrated SNR of the last streak measured; None where its light was not measured."""
     rows: tuple[FrameRow, ...] = ()
-    """Rows of its frames for the plots, oldest first, ``MAX_ROWS`` at most.
-
-    Each has the residual, NIS and miss of this track.
-    """
+    """Rows of its frames, oldest first, ``MAX_ROWS`` at most: its own residual, NIS and miss in
+    each."""
 
     @property
     def track_id(self) -> int:

@@ -309,10 +309,7 @@ class FrameRow:
     rotation_deg: float | None = None
     """Position angle of the frame's +y axis by its plate solution, east of north, degrees."""
     was_sought: bool = True
-    """True where the frame was pointed at the object, while the loop searched or followed.
-
-    Where it is False, a missing measurement is no miss.
-    """
+    """True where it was pointed at the object in a state that looks for one: else no miss."""
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings changed from the session's beginning to the processing of this frame, by name."""
     is_solved: bool | None = None

@@ -31,11 +31,9 @@ from rsoconsole.records import (
 )
 
 NEWEST = 16
-"""Number of last frames that are kept whole in a long night.
-
-The operator decides on a frame within twelve frames, a picture comes within a few. While a mark is
-made in a frame, all frames since that frame are kept.
-"""
+"""Number of last frames kept whole in a long night: an operator's decision comes within twelve
+frames, a picture within a few. While a mark is made in a frame, all frames since that one are
+kept."""
 MARKED_FOR = 600
 """Number of frames for which a frame with a mark under way is kept (``pipeline.frame.HELD``)."""
 TAU = "detector.tau"

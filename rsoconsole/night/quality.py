@@ -57,10 +57,8 @@ class Quality:
     inside_3sigma: float | None
     """Fraction of updates with a residual within 3 sigma on both axes; 0.995 when consistent."""
     log_likelihood_mean: float | None
-    """Mean log likelihood of the innovations, which are in arcsec; larger is better.
-
-    The correlation of the two axes enters by the NIS alone.
-    """
+    """Mean log likelihood of the innovations in arcsec: the larger, the likelier. The
+    correlation of the two axes counts in the NIS alone."""
 
     @property
     def is_nis_sound(self) -> bool | None:

@@ -56,10 +56,8 @@ from rsoconsole.records.steps import (
 )
 
 ColumnType: TypeAlias = Literal["integer", "real", "text", "truth", "json"]
-"""Type of a column.
-
-json: a record or mapping, as the log has it. real with a shape: nested lists of numbers.
-"""
+"""Type of a column; json: a record or mapping, as the log has it; real with a shape: nested lists
+of numbers."""
 Source: TypeAlias = Literal["log", "files"]
 
 _UNITS = (
@@ -89,11 +87,8 @@ class Column:
     type: ColumnType
     meaning: str
     path: str = ""
-    """Path to the value: names and indices joined by points; empty: the column's own name.
-
-    It begins at the record, or at the part of the record that is the row. "#" stands for the part's
-    number or key, "=" for the part's value.
-    """
+    """Members and indices joined by points, in the record or the part of it that a row is; "#" is
+    the part's number or key, "=" its value. Empty: the column's own name."""
     shape: tuple[int, ...] = ()
     """Shape of the matrices in the column, () for none; a matrix of another shape is JSON."""
     source: Source = "log"

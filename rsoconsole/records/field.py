@@ -6,11 +6,8 @@ from typing import Literal
 PathKind = Literal["straight", "curved"]
 """Model of the relative motion: a straight line, or a line with a bend."""
 ClosestKind = Literal["now", "ahead", "beyond"]
-"""Where in the searched time the separation is least: at its start, inside, at its end.
-
-"now": the two are parting. "ahead": they meet within the horizon. "beyond": they still approach at
-the horizon's end.
-"""
+"""Place of the least separation within the horizon: at its beginning, as they part; inside; at its
+end, as they still approach."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,10 +57,8 @@ class PairMotion:
     """Time after ``t_utc_ns`` in which the closest approach is searched, s."""
     path: PathKind
     close_probability: float
-    """Probability of an approach below the warning's angle within the warning's horizon.
-
-    0 where no warning is configured.
-    """
+    """Probability that they come nearer than the angle of the warning within its horizon; 0 without
+    one."""
     is_close: bool = False
     """True where the operator is warned of this approach."""
 

@@ -59,10 +59,8 @@ class Frame:
     scale_arcsec_px: float | None = None
     """Scale from focal length and pixel size, arcsec/px; a hint for the solver."""
     pointing_ra_icrs_deg: float | None = None
-    """Right ascension where the mount reported to point; a hint for the solver.
-
-    Never used as a measurement.
-    """
+    """Right ascension of the mount's reported pointing; a hint for the solver, never a
+    measurement."""
     pointing_dec_icrs_deg: float | None = None
     saturation_adu: float = 65535.0
     camera: CameraMode | None = None
@@ -114,53 +112,35 @@ class Detection:
     """True when an end lies outside the frame: the position along the streak is then unknown."""
     method: Literal["line", "box", "operator"]
     unevenness: float = 0.0
-    """Variation of light and path along the streak beyond noise, as a log of variances.
-
-    Natural logarithm. 0: none, not measured, or a streak too long to be a cosmic ray.
-    """
+    """Excess variation of its light and path beyond noise, as a natural logarithm of variances; 0:
+    none, or too long to be a cosmic ray, or not measured."""
     kind: StreakKind = "streak"
-    """Kind of streak; never "streak" where ``is_clipped``.
-
-    "clipped" where ``is_clipped`` is set without a kind.
-    """
+    """Kind of streak; never "streak" where ``is_clipped``: an input without a kind counts as
+    "clipped"."""
     sigma_angle_deg: float | None = None
-    """One sigma of the streak's direction, deg; None where not measured.
-
-    With ``sigma_across_px`` it gives the covariance of the line: at the midpoint, both errors are
-    all but independent.
-    """
+    """One sigma of its direction, deg: with ``sigma_across_px`` the covariance of its line, as the
+    two are all but independent at its midpoint. None where not measured."""
     object_class: ObjectClass = "undetermined"
     class_probability: float = 1.0
-    """Probability of ``object_class``, given a real streak.
-
-    For "undetermined": 1 minus the probability of the likeliest class.
-    """
+    """Probability of its class, given that it is a real streak; of "undetermined", 1 minus that of
+    the likeliest class."""
     modulation_period_px: float | None = None
     """Period of regularly varying light along the streak, px; None where none is seen."""
     modulation_period_s: float | None = None
-    """Period of regularly varying light, s; None where none is seen.
-
-    None also where the time that the streak's length corresponds to is not known.
-    """
+    """Period of regularly varying light, s; None also where the exposure's share of its length is
+    not known."""
     modulation_depth: float | None = None
-    """Depth of the variation over one period: (most - least) / (most + least) of the light.
-
-    0 to 1, as blurred by the stars' width; None where none is seen.
-    """
+    """Depth of the variation, (most - least) / (most + least) of the light over one period, as
+    blurred by the stars' width: 0 to 1."""
     train: int = 0
     """Number of parallel streaks of a satellite train, with this streak; 0: no train."""
     light_offset_px: float | None = field(default=None, compare=False)
-    """Offset of the middle from the midpoint, towards end b, by ends and light together, px.
-
-    Corrects for an image that shook, where the object's light is steady. None where not measured.
-    """
+    """Offset of the middle from the midpoint towards end b, px, by ends and light together:
+    corrects for an image that shook, for a steady light. None where that was not measured."""
     light_sigma_px: float | None = field(default=None, compare=False)
     """One sigma of ``light_offset_px``."""
     light_length_px: float | None = field(default=None, compare=False)
-    """Length of the streak for an even motion, by ends and light together, px.
-
-    None where not measured.
-    """
+    """Length of the even motion by ends and light together, px; None where not measured."""
     light_length_sigma_px: float | None = field(default=None, compare=False)
     """One sigma of ``light_length_px``."""
 
@@ -199,20 +179,14 @@ class Detections:
     star_fwhm_px: float | None = None
     """Median full width at half maximum of the stars, px; None where not measured."""
     star_flux_adu: float | None = None
-    """Median flux of the 20th to 60th brightest stars, ADU.
-
-    None where there are too few stars.
-    """
+    """Median flux of the 20th to 60th brightest stars, ADU; None where there are too few to
+    compare."""
     background_adu: float | None = None
-    """Median sky background per pixel, ADU; None where not measured.
-
-    Includes the camera's offset where no dark frame is subtracted.
-    """
+    """Median of the sky's light in a pixel, ADU, with the camera's offset where no dark takes it
+    off; None where not measured."""
     zero_point_mag: float | None = None
-    """Magnitude of a star that gives 1 ADU a second: shows the sky's transparency.
-
-    None without a plate solution, and where too few of the stars are in the catalogue.
-    """
+    """Magnitude of a star that would give 1 ADU a second: the sky's transparency at this camera;
+    None without a plate solution, and where too few stars are in the catalogue."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -248,11 +222,8 @@ class Wcs:
 
 
 PlatePath = Literal["full", "refit", "shift"]
-"""How a plate solution was found.
-
-"full": stars matched to the catalogue by a search. "refit": the last plate fitted to the frame's
-stars. "shift": the last plate only shifted onto the few stars that cloud leaves.
-"""
+"""Way of a plate solution: a search of the sky; the last plate fitted to the frame's stars; the
+last plate only shifted onto the few stars that cloud leaves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,11 +5,8 @@ from typing import Literal
 
 LeapResult = Literal["met", "not in the frame", "another streak", "not solved"]
 LeapOrder = Literal["at close", "by a look", "by the frame"]
-"""When the slew of a leap was ordered, relative to the frame of the leap before.
-
-"at close": as its shutter closed. "by a look": after only the middle of the frame was examined. "by
-the frame": after the whole frame was processed.
-"""
+"""Trigger of the order of a leap's slew: the shutter of the leap before, a look at the middle of
+that one's frame, or the whole of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,10 +43,8 @@ class LeapDone:
     off_across_arcsec: float | None
     """Innovation of the streak's middle to the left of the motion, arcsec; None likewise."""
     total_s: float
-    """Time from the order of this slew until the next slew could be ordered, s.
-
-    The sum of the six durations that follow.
-    """
+    """Time from the order of its slew until the next could be ordered, s: the sum of the next
+    six."""
     slew_s: float
     settle_s: float
     shutter_s: float
@@ -57,10 +52,8 @@ class LeapDone:
     open_s: float
     """Planned exposure time, s."""
     readout_s: float
-    """Time of read-out and reduction, s.
-
-    0 where the next slew was ordered as the shutter closed.
-    """
+    """Time of read-out and reduction, s; 0 where the next slew was ordered as the shutter
+    closed."""
     wait_s: float
     subframe: float
     """Fraction of each side of the sensor that was read out, 0 to 1."""
@@ -80,18 +73,12 @@ class LowPass:
     """Reason why the pass was not followed further, in words."""
     streaks: int
     planned_leaps: int
-    """Number of leaps that the mount allows in this pass, as planned when the first was ordered.
-
-    0: no leap was ordered.
-    """
+    """Number of leaps planned when the first was ordered, as the mount allows; 0: none was."""
     t_first_utc_ns: int
     """Time of the first streak's middle, UTC ns."""
     t_last_utc_ns: int
     probability: float
-    """Probability of the sense of motion along the first streak.
-
-    As a rule 1 from the second streak on.
-    """
+    """Probability of its sense of motion; as a rule 1 from the second streak on."""
     epoch_utc_ns: int | None
     """Epoch of the orbit, UTC ns; None, like all that follows, with only one streak."""
     r_gcrs_km: tuple[float, float, float] | None
@@ -102,22 +89,15 @@ class LowPass:
     e: float | None
     i_deg: float | None
     believes_round: bool
-    """True where the orbit assumes a small eccentricity (a prior).
-
-    The streaks alone then do not determine the eccentricity.
-    """
+    """True where a prior on its eccentricity is in it, because the streaks determine it no
+    better."""
     along_rms_arcsec: float | None
     """Root mean square residual of the streaks' ends from the orbit, along the motion, arcsec."""
     across_rms_arcsec: float | None
     t_next_rise_utc_ns: int | None
-    """Time of the next rise above the altitude limit, UTC ns.
-
-    None where none is found within a day.
-    """
+    """Time of its next rise above the limit of altitude within a day, UTC ns; None: not found."""
     sigma_next_s: float | None
     sigma_next_across_deg: float | None
     scatter_s: float | None
-    """One sigma of the shutter's delay, s: as calibrated, or from these streaks.
-
-    None with only one streak.
-    """
+    """Scatter of the shutter, one sigma, s: as calibrated, or as these streaks show it; None with
+    only one streak."""

@@ -163,8 +163,7 @@ class SlewRefusal:
     """Reason why the telescope must not go to or stay at a place; figures as shown."""
 
     kind: SlewRefusalKind
-    """Kind of limit. "Sun": the place is too near the Sun; "past the Sun" and "nearer to the Sun":
-    the slew to the place leads there."""
+    """Kind of limit; "Sun": there; "past the Sun" and "nearer to the Sun": on the way there."""
     value_deg: float | None = None
     """Angle that is beyond the limit, deg, to one decimal; ``bound_deg``: the limit."""
     bound_deg: float | None = None

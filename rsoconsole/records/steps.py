@@ -123,10 +123,8 @@ class Mixture:
     """Turn of the path to the left, radians per radian of motion; 0 on a great circle."""
     turn_sigma: float
     scatter_s: float
-    """Scatter of the shutter's delay beyond the measurements' own errors, s.
-
-    Posterior median; it acts along the motion.
-    """
+    """Excess scatter along the motion beyond the measurements' own errors, as a delay of the
+    shutter, s: the posterior median."""
     scatter_low_s: float
     """Lower end of the 90 % interval of ``scatter_s``; upper: ``scatter_high_s``."""
     scatter_high_s: float
@@ -161,10 +159,8 @@ class TrackState:
     innovations: int = 0
     """Number of measurements that updated the track, without the first two."""
     foretold_by: Literal["filter", "orbit"] = "filter"
-    """What made the prediction, also the prediction that was updated.
-
-    "orbit" where the filter's prediction has failed.
-    """
+    """Source of the prediction, also of the one updated: the orbit where the filter's has
+    failed."""
     measurement_id: str | None = None
     """The measurement that the track took; None after a prediction alone."""
     begun_with: tuple[str, str] | None = None
@@ -182,10 +178,8 @@ class TrackState:
     shared_with: int | None = None
     """Number of the track that took the same streak, where the frame could not resolve two."""
     filter_nis: float | None = None
-    """NIS of the filter's own prediction, beyond the gate, where the orbit's was used instead.
-
-    None in all other cases, also where the filter's was refused for another reason.
-    """
+    """Filter's own NIS where the track was updated by the orbit's prediction, beyond the gate; None
+    in other cases, also where another reason refused it."""
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
     )
@@ -258,10 +252,8 @@ class OrbitEstimate:
     nis: float | None = None
     """Normalised innovation squared of this frame's measurement; predicted by the last orbit."""
     innovation_arcsec: tuple[float, float] | None = None
-    """Innovation (d alpha cos delta, d delta), arcsec.
-
-    This frame's measurement minus the prediction by the orbit of the frames before.
-    """
+    """Innovation (d alpha cos delta, d delta): measured minus predicted by the orbit before it,
+    arcsec."""
     sigma_innovation_arcsec: tuple[float, float] | None = None
     is_guide: bool = False
     """True where the telescope follows this orbit's prediction instead of the filter's."""
@@ -317,10 +309,8 @@ class Identified:
     not_catalogued: float | None = None
     """Probability that the object is in no catalogue."""
     named_with: int = 0
-    """Number of other tracks identified together with this track.
-
-    Together, as a catalogued object can be at most one of the tracks.
-    """
+    """Number of other tracks identified together with it: each catalogued object is at most one of
+    them."""
     ledger: LedgerName | None = None
     """Object of an earlier night that this uncatalogued track is, or may be."""
 
@@ -334,10 +324,8 @@ class StateChange:
     after: LoopState
     reason: Cause
     kept_track_id: int | None = None
-    """Number of the track that can be re-acquired from here on; 0: no track.
-
-    None for a change that a frame led to.
-    """
+    """Number of the track that can be followed again from here on, 0 where there is none; None for
+    a change that a frame led to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,10 +42,8 @@ class ObservatorySettings:
     plan: dict[str, Any] | None = None
     """``NightPlan.to_table`` of a night of chosen satellites, in place of the scenario."""
     weather: Sequence[tuple[float, str]] = ()
-    """Weather in order: (seconds since the start, "ok" | "warning" | "alert").
-
-    "ok" before the first entry.
-    """
+    """Weather: (seconds since the start, "ok" | "warning" | "alert") in order; ok before the
+    first."""
     dome: Sequence[tuple[float, str]] = ()
     """Dome in order: (seconds since the start, "open" | "closed" | "moving"); open at first."""
     world: Mapping[str, Any] = field(default_factory=dict)

@@ -125,10 +125,8 @@ def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:
 
 
 SCAN_STEP_NS = 600 * NS_PER_S
-"""Step of the search for dusk and dawn, ns.
-
-Fine enough for nights of a quarter of an hour at the edge of a polar summer.
-"""
+"""Step of the search, ns: fine enough for nights of a quarter of an hour at the edge of a polar
+summer."""
 CROSSING_NS = NS_PER_S // 10
 
 

@@ -37,16 +37,11 @@ from rsoconsole.tracking.initiation.acquisition import (
 from rsoconsole.tracking.joint import TrackCandidates
 
 ANOTHER_OBJECT_NIS = 100.0
-"""NIS from which the measurement that the operator chose counts as another object.
-
-It then initiates a new track.
-"""
+"""NIS from which the operator's choice is another object, and initiates a new track."""
 
 ALONE_FOR_S = 100.0
-"""Longest coast, s, that preset ``adaptive`` predicts by its own motions, without an orbit.
-
-About three frames.
-"""
+"""Longest coast of preset ``adaptive`` by its own motions, without an orbit, s: about three
+frames."""
 
 _ABSENT = ("no detection", "nothing fits")
 """Kinds of miss that mean that it was not there."""

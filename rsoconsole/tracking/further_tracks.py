@@ -35,11 +35,8 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import new_track
 
 UNSEEN_EACH = 2
-"""Number of frames without its streak, per measurement after its first, at which a track ends.
-
-Frames count in which nothing hides it. Chance tracks end so; an object that fades initiates another
-track.
-"""
+"""Number of frames that nothing hides and that do not show a track, for each one after its first,
+at which it ends: chance tracks end so, and one that fades initiates another track."""
 _SAME_STREAK_ARCSEC = 8.0
 """Distance, arcsec, below which a streak is an accepted one of a track, detected twice."""
 _BEYOND_SIGMAS, _BEYOND_ARCSEC = 5.0, 120.0
@@ -47,10 +44,8 @@ _OUTSIDE_S = 300.0
 
 
 MANY = 6
-"""Largest number of tracks that all keep the full grid of filters.
-
-More would cost too much time a frame.
-"""
+"""Largest number of tracks that all keep the full grid of filters: more would cost too much time a
+frame."""
 
 
 def with_fewer_filters(before: Following) -> Following:

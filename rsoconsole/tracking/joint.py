@@ -88,10 +88,8 @@ class _Pairs:
     places: FloatArray
     """(streaks, 2) places on one plane, arcsec."""
     own: FloatArray
-    """(tracks, streaks, 2, 2) covariance of a place, arcsec^2.
-
-    Without errors common to all of a frame.
-    """
+    """(tracks, streaks, 2, 2) covariance of a place without errors common to all of a frame,
+    arcsec^2."""
     ways: FloatArray
     """(tracks, tracks, 2) relative positions, arcsec."""
     ways_covariance: FloatArray

@@ -25,10 +25,7 @@ from rsoconsole.sky import direction_to_unit, position_angle_deg, separation_deg
 
 GAIN = 0.5
 JUMP_ARCSEC = 120.0
-"""Change of the offset beyond the random error of a slew.
-
-It means that the mount was synced or has slipped.
-"""
+"""Change beyond the random error of a slew: the mount was synced or has slipped."""
 CLIP_ARCSEC = 3600.0
 LARGE_SLEW_DEG = 10.0
 MAX_KEPT = 24
@@ -45,10 +42,8 @@ class PointingOffset:
     """Eastward offset on the sky: right ascension times cos dec."""
     north_arcsec: float = 0.0
     samples: int = 0
-    """Number of successive frames that have made the offset.
-
-    0 before any frame, and for an offset that is only remembered.
-    """
+    """Number of frames in a row that have made it; 0 before any, and again for one only
+    remembered."""
     hour_angle_deg: float = 0.0
     """Hour angle of the last measurement, of date, west positive."""
     declination_deg: float = 0.0

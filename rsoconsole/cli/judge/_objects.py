@@ -23,10 +23,7 @@ VISIBLE_SNR = 20.0
 BESIDE_FWHM = 4.0
 """Largest distance of a detection from its true streak, in FWHM of the frame's stars."""
 BETWEEN = 2.0
-"""A streak belongs to both of two objects if its distances from their middles differ by less.
-
-As a factor.
-"""
+"""A streak is of both where its distances from the two middles differ by less than this factor."""
 APART_FWHM = 2.0
 """Distance below which a frame cannot show two streaks apart, in FWHM of its stars."""
 

@@ -32,15 +32,10 @@ GRACE_S = 60.0
 BY_WORD_S = 10.0
 """Longest wait for a measured motion, s; after that the driver's own state counts."""
 AT_REST_S = 12.0
-"""Time at rest away from the goal after which the wait fails, s.
-
-Some mounts pause for seconds between two axes, or stop short and are slewed again.
-"""
+"""Time at rest elsewhere after which a mount goes no further. Some pause for seconds between two
+axes, and are sent again where they stopped short."""
 REPEATED_S = 45.0
-"""Time at rest away from the park position after which the wait fails, s.
-
-The engine repeats the park command every 30 s.
-"""
+"""Time at rest after which a parking mount goes no further: parking is sent again every 30 s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

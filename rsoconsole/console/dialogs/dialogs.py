@@ -14,11 +14,8 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 UNASKED_DEAF_S = 0.5
-"""Seconds during which a dialog that no key asked for drops keys.
-
-They count from its first paint, and from each dropped key: such keys were meant for the screen
-below.
-"""
+"""Seconds that a dialog that opened by itself takes no answer, and again after each key it drops:
+such keys were meant for the screen below."""
 LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 

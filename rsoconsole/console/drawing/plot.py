@@ -18,11 +18,7 @@ NIS_HEADROOM = 1.6
 """Top of the NIS axis as a factor on the upper bound of its band."""
 REFUSED = "×"
 MIN_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
-"""Least number of residuals to look for strays; quantile of the usual ones; factor for a stray.
-
-A stray exceeds the factor times the larger of that quantile and the usual bound, and does not set
-the axis.
-"""
+"""Least number of residuals, share that sets the axis, factor on it beyond which one is a stray."""
 MAX_SPREAD = 3
 """Most cells that one exposure takes, while there are few exposures."""
 _BRAILLE = 0x2800

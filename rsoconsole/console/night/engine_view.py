@@ -19,12 +19,8 @@ class EngineView(Status):
     """The engine's status at one instant, with the state of the connection."""
 
     reach: Reach = "unknown"
-    """State of the connection; "unknown" until the engine has answered or failed to.
-
-    silent: the engine runs and does not answer.
-    gone: no engine runs any more.
-    recorded: a session is shown and no engine is asked.
-    """
+    """State of the connection; silent: the engine runs and does not answer; recorded: a session is
+    shown, no engine is asked."""
     since_utc_ns: int | None = None
     """Last known time of the frame clock, UTC ns, where the engine is silent or gone; else None."""
     detail: str = ""

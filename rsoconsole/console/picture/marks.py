@@ -27,19 +27,9 @@ MarkKind = Literal[
     "now",
     "cursor",
 ]
-"""Kind of a mark, in the order in which marks are written: a later one covers an earlier one.
-
-box: the network's box.
-rejected: a rejected candidate.
-candidate: a detection.
-predicted: the lead's predicted place.
-coasted: the predicted place of a track that the frame does not show.
-operator: marked by hand.
-member: the streak of a track other than the lead.
-followed: the lead's streak.
-now_rejected, now: the same of a frame that is processed again.
-cursor: of an unfinished mark.
-"""
+"""Kind of a mark, in the order in which they are written: the last one stays. ``member``: of
+another track than the lead; ``coasted``: of a track that is not in this frame; ``now``,
+``now_rejected``: of a frame processed again; ``box``: the network's."""
 _ORDER: tuple[MarkKind, ...] = get_args(MarkKind)
 
 _BRACKETS: dict[MarkKind, tuple[str, str]] = {

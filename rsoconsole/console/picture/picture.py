@@ -43,10 +43,7 @@ _PERCENT: dict[Stretch, tuple[float, float]] = {
 _MIN_RANGE = 0.02
 """Least range of light between darkest and brightest: the noise of an empty picture stays dark."""
 _LINEAR_PER_CODE = 5.0 / 255.0
-"""Change of the argument of sinh with a code, which turns codes into light.
-
-The small pictures keep asinh of light over two sigmas, from -1 to 4 in 255 steps.
-"""
+"""The small pictures are asinh of light over two sigmas, from -1 to 4 in 255 steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

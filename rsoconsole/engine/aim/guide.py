@@ -18,10 +18,7 @@ _STEPS = 90
 SHARE_OF_FIELD = 0.25
 """Greatest 3-sigma error of a predicted direction, in units of the field's smaller side."""
 SAME_PLACE = 0.05
-"""Distance from a lost track's prediction within which a measurement may be that track's.
-
-In units of the field's smaller side.
-"""
+"""Share of the field's smaller side within which a measurement counts as the lost track's."""
 
 
 class Guide:

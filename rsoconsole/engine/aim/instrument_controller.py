@@ -17,10 +17,8 @@ NS = 1_000_000_000
 POLL_NS = NS // 2
 SENT_AGAIN = 2
 FAR_OFF_DEG = 0.5
-"""Distance from its target beyond which a mount was stopped by somebody else, deg.
-
-A mount that loses the sky's motion during its slew is off by 0.25 deg a minute only.
-"""
+"""Distance beyond which a mount has stopped elsewhere: losing the sky's motion costs 0.25 deg a
+minute."""
 
 
 class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
@@ -54,10 +52,8 @@ class InstrumentController:
         self._config = config
         self._is_wanted = is_wanted
         self.sent: tuple[tuple[float, float], int] | None = None
-        """Last target sent to the mount (its own coordinates, ICRS degrees), and the time, UTC ns.
-
-        None where nothing was sent, or that order is over.
-        """
+        """Last target sent to the mount (its own coordinates, ICRS degrees) and the time, UTC ns;
+        None: none, or that order is over."""
         self._is_sent_to_park = False
         """True where the last order that the mount accepted was to park."""
         self.ordered: Ordered | None = None
@@ -69,10 +65,8 @@ class InstrumentController:
         self.on_opened: Callable[[int, int], None] = lambda _frame_id, _opened_utc_ns: None
         """Called when an exposure has been ordered, with its frame number and the time, UTC ns."""
         self.on_closed: Callable[[], MountReport | None] = lambda: None
-        """Called when a frame's shutter should have closed, before the frame has come.
-
-        Returns the mount's report from before, where the mount has been sent on; else None.
-        """
+        """Called when the shutter of a frame should have closed, before the frame has come; returns
+        where the mount looked if it has been sent on."""
         self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
         """Called when the clock was set or runs wrong, or the program stood still."""
 
@@ -275,19 +269,14 @@ def _looked_at(frame: Frame, report: MountReport) -> Frame:
 
 
 IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
-"""Function that checks a slew and an instant, UTC ns: may the mount stay there until then?
-
-Returns the limit that forbids it; None when none does.
-"""
+"""Return the limit that forbids holding a slew's place until an instant, UTC ns; None when none
+does."""
 
 SLEW_OVERHEAD_S = 3.0
 """Assumed time of a slew beyond travel and settling, s; ample, so that slow mounts are in time."""
 
 FLIP_WAY_DEG = 190.0
-"""Assumed travel of the declination axis for a change of the pier's side, deg.
-
-Near the equator it turns that far; the other axis turns less.
-"""
+"""Turn of the declination axis that changes sides near the equator; the other turns less."""
 
 CLOCKS_APART_NS = 10 * NS
 
@@ -300,9 +289,7 @@ class Plan:
     t_mid_utc_ns: int
     slew: SlewCommand | None
     refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = ()
-    """Slews that were refused, each with its limit.
-
-    Each place is listed when it is first refused; all are listed where no place is left.
-    """
+    """Slews that were refused, with the limit; each place is named once, but all of them where
+    nothing is left to search."""
     blocked: SlewRefusal | None = None
     """Reason why the telescope does not follow the track; None when it may."""

@@ -210,10 +210,8 @@ def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
 
 
 SIDEREAL_DEG_S = 15.041 / 3600.0
-"""Rate of the sidereal motion, deg/s: of a geostationary satellite among the stars.
-
-The mount moves by as much from frame to frame to follow one.
-"""
+"""Rate of a geostationary satellite among the stars, and of the mount from frame to frame,
+deg/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,10 +34,7 @@ STALE_DAYS = 14.0
 DEFINED_S = 3.0
 """Time without a new property after which a driver counts as having defined all of them, s."""
 SITE_KM = 1.0
-"""Greatest distance of the mount's site from the configured one, km; 0.01 deg of sky.
-
-The engine demands the same.
-"""
+"""Greatest distance of the mount's site, km: 0.01 deg of sky, which the engine demands too."""
 _LIBRARIES = ("numpy", "cv2", "astropy", "erfa", "scipy", "filterpy", "sgp4", "astrometry")
 _LIBRARIES_OF_PROCESSES = ("indipydriver", "indipyserver", "textual", "plotext")
 _RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")

@@ -20,10 +20,8 @@ from rsoconsole.control import Machine
 ROOT = Path("/")
 """Folder that holds ``proc`` and ``sys``; tests use another."""
 PI_HOT_C, HOT_C = 80.0, 95.0
-"""Temperatures that count as hot on a Raspberry Pi and on other machines, deg C.
-
-A Raspberry Pi slows itself down from 80 on.
-"""
+"""Temperatures that count as hot, deg C: a Raspberry Pi slows itself down from 80 on; others bear
+more."""
 TIMEOUT_S = 3.0
 UNDER_VOLTAGE, CAPPED, THROTTLED, SOFT_LIMIT = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 EARLIER = 16

@@ -27,10 +27,7 @@ class Medium:
     device: str = ""
     """The kernel's name of the whole disk; empty where the folder is on no disk."""
     life_used_percent: int | None = None
-    """Part of the disk's life that is used, percent; None: not reported.
-
-    An eMMC counts it in steps of ten; 110: beyond what it is made for.
-    """
+    """Life used, percent, as an eMMC counts it in steps of ten; 110: beyond what it is made for."""
 
 
 def medium_of(folder: Path, root: Path = ROOT) -> Medium:

@@ -27,10 +27,7 @@ WIDEST_MARK_PX = 10_000.0
 BETTER = 1.5
 """Ratio of a mark's sigma to a measurement's above which the operator must confirm the mark."""
 SAME_STREAK_ARCSEC = 30.0
-"""Distance beyond which the detector's measurement is of another streak, arcsec.
-
-For an imprecise mark it is three sigma of the mark, where that is more.
-"""
+"""Distance beyond which an automatic measurement is of something else, if the mark is precise."""
 
 
 def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config: Config) -> Ruling:

@@ -32,10 +32,8 @@ CHECKS = (
 CLOCK_OFFSET_S = 0.1
 """Greatest offset of the machine's clock, s; in 0.1 s the sky moves by 1.5 arcsec."""
 MOUNT_TIME_S = 30.0
-"""Greatest offset of the mount's clock, s.
-
-Many mounts report whole seconds, and late; a wrong time zone or day is still found.
-"""
+"""Greatest offset of the mount's clock, s: many report whole seconds, and late; a wrong zone or day
+still shows."""
 POINTING_DEG = CLIP_ARCSEC / 3600.0
 """Greatest pointing offset that the loop corrects, deg; beyond it no slew reaches its target."""
 MOUNT_ANSWER_S = 2.0

@@ -132,10 +132,7 @@ NEAR_PX = 25.0
 MAX_MARKED = 2
 """Number of frames whose pixels are kept for marking; a large camera's frame takes 120 MB."""
 PixelsOf = Callable[[int], PixelArray | None]
-"""Function that returns a frame's pixels by its number: (height, width), ADU.
-
-None where they were not kept.
-"""
+"""The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
 
 
 Frames: TypeAlias = FollowedFrames | HandTrack

@@ -136,21 +136,13 @@ class Handler:
     """The check and the execution of one command; ``by``, their second argument, is the sender."""
 
     execute: Callable[[Any, str], CommandResult]
-    """Executes the command on the loop's thread and returns its result.
-
-    Raises ValueError with the reason where it is not possible, InstrumentError where the mount
-    fails.
-    """
+    """Executes the command on the loop's thread; returns its result. Raises ValueError with the
+    reason where it cannot, InstrumentError where the mount fails."""
     check: Callable[[Any, str], Accepted] = accept
-    """Checks the command on the wire's threads, before it is queued.
-
-    Raises ValueError, with the reason, where the command is not possible.
-    """
+    """Checks the command on the wire's threads, before it is queued. Raises ValueError if it cannot
+    be."""
     expect: Callable[[Any, str], None] = need_no_state
-    """Checks conditions that earlier commands may still change; called only while none waits.
-
-    Raises ValueError, with the reason, where the command is not possible.
-    """
+    """Checks conditions that earlier commands may still change: called only while none waits."""
 
 
 Handlers = Mapping[type[Command], Handler]

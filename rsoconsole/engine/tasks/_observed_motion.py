@@ -17,10 +17,8 @@ How = Literal["stands", "tracks", "slews"]
 Own = Literal["slew", "park"]
 
 MOVED_ARCSEC = 200.0
-"""Turn of an axis between two looks above which it slews, arcsec.
-
-Above the coarsest driver's step and a second of the sky's motion.
-"""
+"""Turn between two looks that counts as a slew: above the coarsest driver's step and a second of
+sky."""
 LONGEST_APART_S = 10.0
 STARTS_WITHIN_S = 30.0
 """Time after an order within which a mount that follows the order starts to move, s."""

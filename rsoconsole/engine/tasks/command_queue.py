@@ -25,10 +25,8 @@ class Alarm:
 
     trigger: Trigger
     result: StopResult | None = None
-    """The mount's answer to the ABORT sent before the loop noticed the alarm.
-
-    None where none was sent, or it failed.
-    """
+    """The mount's answer, where its motion was ended before the loop took notice; None where it was
+    not, or where that failed."""
     dropped: tuple[Request, ...] = ()
     """Commands that were waiting when the alarm came, and that it cancels."""
 

@@ -12,10 +12,8 @@ from rsoconsole.tracking import Following
 
 LONG_SIDE_PX = 466
 STEPS = 0xF8
-"""Bit mask of the grey levels that are kept, in steps of 8 of 256.
-
-A step is a third of the noise's sigma; pictures then take a third of the disk.
-"""
+"""Mask of the grey levels kept of 256: steps of a third of the noise's sigma, a third of the
+disk."""
 CLOSEUP_PX = (256, 192)
 """Columns and rows of a close-up: it shows a geostationary streak of 10 s and sky around it."""
 

@@ -47,10 +47,8 @@ LATEST_S = 10.0
 MOVED_DEG = 0.05
 STOOD_STILL_S = 5.0
 LOOP_SILENCE_S = 180.0
-"""Time without a sign from the loop after which it counts as hanging, s.
-
-It is longer than camera, solver or mount keep the loop waiting with the usual time limits.
-"""
+"""Silence after which the loop counts as hanging, s; longer than camera, solver or mount keep it
+waiting with the usual time limits."""
 LIFTS: dict[str, LimitName] = {"sun": "twilight"}
 """The limit that is lifted by overriding an arming check, by the check's name."""
 ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier", "twilight")

@@ -14,11 +14,10 @@ from rsoconsole.instruments.indi.indi_process import IndiProcess, device_setting
 from rsoconsole.records import Frame
 
 ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
-"""Key in a frame's header for the instant when its last byte arrived, by ``time.monotonic()``.
+"""Key of a frame's header for the instant at which its last byte had come, by ``time.monotonic()``.
 
-This clock is the same in all processes of a machine. At that instant libindi has read the whole
-BLOB and decoded its base64; the pixels are not yet unpacked. It is no FITS keyword and is not saved
-in sessions.
+That clock is one for all processes of a machine. libindi has by then read the whole BLOB and
+decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
 """
 _MAX_MESSAGES = 100
 _BYTES_PER_PIXEL = 4

@@ -30,10 +30,8 @@ _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
 _SENT_FIELDS = tuple(each.name for each in fields(Frame) if each.name not in ("pixels", "camera"))
-"""Fields of a frame that are sent by message.
-
-Not the pixels, which lie in the ring, nor ``camera``, which follows from the header.
-"""
+"""Fields of a frame that are sent by message: its pixels lie in the ring, ``camera`` follows from
+the header."""
 
 
 class CameraChild:

@@ -18,11 +18,8 @@ from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 START_S = 60.0
 MIN_S, BYTES_A_S = 15.0, 8_000_000
-"""Time limit of a file: MIN_S seconds, plus its length divided by BYTES_A_S.
-
-A compressed frame of 8 MB takes 0.5 s on an idle core, 2 s beside six busy processes, and longer on
-a Raspberry Pi.
-"""
+"""Least time limit of a file, and the speed that adds to it by length. A compressed frame of 8 MB
+takes 0.5 s on an idle core, 2 s beside six busy processes, and a Pi is slower than that machine."""
 
 
 class FrameDecoder:

@@ -11,10 +11,7 @@ from rsoconsole.base import FrameError
 from rsoconsole.records import PixelArray
 
 Room: TypeAlias = Callable[[tuple[int, ...]], npt.NDArray[np.uint16] | None]
-"""Function that returns an array (height, width) into which 16-bit pixels are written.
-
-It is called with the shape; None: it offers no array.
-"""
+"""Function that may give an array (height, width) for writing pixels of 16 bits."""
 
 EIGHT_BIT_ADU = 255.0
 _CONVERTER_BITS = (8, 10, 12, 14)

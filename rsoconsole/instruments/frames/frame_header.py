@@ -11,15 +11,10 @@ from rsoconsole.words import NS_PER_S
 
 LOCKED = 3
 _FARTHEST_S = 900.0
-"""Largest difference of the GPS receiver's time from DATE-OBS.
-
-Beyond a quarter of an hour the receiver's time is not believed.
-"""
+"""Largest difference of the receiver's time from DATE-OBS; beyond a quarter of an hour it is not
+believed."""
 _SAME_SHARE, _SAME_S = 0.05, 0.01
-"""Largest difference between the GPS receiver's exposure time and EXPTIME.
-
-A fraction of EXPTIME, or seconds, whichever is more.
-"""
+"""Largest differences of the receiver's exposure time from the header's, as share and seconds."""
 
 
 def gps_time(
@@ -85,10 +80,8 @@ EXTENSION_KEY = "EXTENSION"
 """Key in a frame's header for the label of its image; absent for a file with one image."""
 ABSOLUTE_ZERO_C = -273.15
 POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
-"""Smallest and largest plate scale that is believed, arcsec/px.
-
-Beyond any telescope or lens; a scale outside is an error of the header.
-"""
+"""Possible plate scales: finer than any telescope's, coarser than any lens's; a scale beyond is an
+error of the header."""
 
 
 def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:

@@ -41,10 +41,8 @@ class Vector:
     is_definition: bool
     """True for the definition of the property: its values may be old already."""
     arrived_monotonic_s: float
-    """When the library delivered the update, by ``time.monotonic()``.
-
-    That clock is the same in all processes of a machine.
-    """
+    """Instant at which the library delivered it, by ``time.monotonic()``: that is the same in all
+    processes of a machine."""
     blobs: Mapping[str, memoryview] = field(default_factory=dict)
     """Contents of a BLOB vector, in the library's memory: valid only while ``on_vector`` runs."""
 

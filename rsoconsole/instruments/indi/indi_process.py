@@ -27,18 +27,14 @@ log = logging.getLogger(__name__)
 SERVER_LOST = 3
 """Exit status of a child that has lost its INDI server."""
 DEVICE_LOST = 4
-"""Exit status of a child that has lost its device.
-
-The driver was restarted without a connection, or another client disconnected it.
-"""
+"""Exit status of a child whose driver came back unconnected, or was disconnected by another
+client."""
 _START_S = 150.0
 """Default time limit of a start; the configuration's ``waits`` take precedence."""
 _END_S = 3.0
 _LEAVE_S = 10.0
-"""Time allowed for an orderly end.
-
-A mount's process first stops the mount, which takes long on a slow machine.
-"""
+"""Time for an orderly end: a mount's process first stops the mount, which takes long on a slow
+machine."""
 _STATUS_S = 1.0
 _SEND_S = 0.1
 _HUNG_S = 3.0

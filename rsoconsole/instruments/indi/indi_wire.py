@@ -58,10 +58,7 @@ class IndiWire:
         self.last_message = ""
         """Latest message of any device."""
         self.deleted: list[tuple[str, str]] = []
-        """Devices and properties that the server has removed; the reader empties it.
-
-        Name "": all properties of the device.
-        """
+        """Devices and properties that were removed, for a reader to empty; name "": all."""
 
     def close(self) -> None:
         """Close the connection."""

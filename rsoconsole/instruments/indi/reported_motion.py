@@ -27,16 +27,12 @@ TRACKING = "TELESCOPE_TRACK_STATE"
 POLLING = "POLLING_PERIOD"
 SIM_TIME = "SIM_TIME"
 POLLING_MS = 500.0
-"""Polling period set in a driver while its mount's motion is measured, ms.
-
-Where the driver accepts it.
-"""
+"""Polling period of a driver while its mount's motion is measured, ms, where the driver accepts
+it."""
 _ASK_EVERY_S = 0.5
 _HUNG_S = 1.0
-"""Longest delay of an answer of a driver that works.
-
-A slower driver was held up, and has not polled its mount meanwhile.
-"""
+"""Longest delay of an answer; a driver that needs longer was held up, and has not polled its mount
+meanwhile."""
 _PERIODS_S = (0.05, 30.0)
 _INTERVALS = 9
 _INTERVAL_S = (0.2, 10.0)
@@ -63,10 +59,8 @@ class ReportedMotion:
         self._unanswered_s: float | None = None
         """Time since which a request is unanswered; None: none is."""
         self._knows_period = False
-        """True once the polling period is known.
-
-        Until then the driver's silence proves nothing, as its age is unknown.
-        """
+        """True once the polling period is known; until then silence proves nothing, as its age is
+        unknown."""
         self.state = ""
         """State of the coordinates as last reported."""
         self.polling_ms: float | None = None

@@ -68,10 +68,8 @@ class IndiMount:
         """STOPs under way, by their numbers."""
         self._stop_numbers = itertools.count(1)
         self._has_order = False
-        """True when something was ordered and the mount has not been measured at rest since.
-
-        A driver that comes back then gets the order to stop first.
-        """
+        """True when something was ordered and the mount has not been measured to be at rest since:
+        a driver that comes back is ordered to stop first."""
         self.process = IndiProcess(
             name="mount",
             module="rsoconsole.instruments.mount.mount_child",

@@ -34,10 +34,8 @@ OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
 SILENT_SLEW_S = 10.0
 """Longest silence believed of a driver that slews: drivers then report several times a second."""
 BUSY_AT_REST_S = 10.0
-"""Time after an order to move at which a mount measured to be at rest has arrived.
-
-Whatever its driver reports: no mount takes so long to begin to move.
-"""
+"""Time after which a mount that was ordered to move and is measured to be at rest has arrived,
+whatever its driver reports: none takes so long to begin."""
 _NS = 1_000_000_000
 
 

@@ -31,10 +31,8 @@ class MatchRequest:
     position_deg: tuple[float, float, float] | None
     """RA, Dec and radius of the search, deg; None: the whole sky is searched."""
     depths: tuple[int, ...]
-    """Numbers of brightest stars that successive searches use.
-
-    Quads are first built of the first depths[0] stars, then with stars up to depths[1], and so on.
-    """
+    """Numbers of stars of successive searches: quads are built of the first depths[0] stars, then
+    with stars up to depths[1], and so on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,10 +45,7 @@ class MatchReply:
     wcs_cards: dict[str, Any] | None = None
     """FITS cards of the plate by the matched quad; None when nothing matched."""
     stars: tuple[tuple[float, float, float], ...] = ()
-    """Stars of the index file in the field, brightest first.
-
-    For each: RA, Dec (ICRS degrees) and magnitude VT.
-    """
+    """RA, Dec (ICRS degrees) and VT of the index's stars in the field, brightest first."""
 
 
 def main(socket_fd: int) -> None:

@@ -48,11 +48,8 @@ class Prior:
     """Prior on the size and roundness of an orbit; a field that is None constrains nothing."""
 
     sigma_e: float | None = None
-    """Root mean square of the eccentricity; None: no prior.
-
-    The eccentricity vector has mean 0 and lies in the plane of the orbit; each of its two
-    components has a sigma of this over root 2.
-    """
+    """Root mean square of the eccentricity: its vector lies about 0 in the plane of the orbit, each
+    component with this over root 2. None: nothing is believed."""
     a_km: float | None = None
     """Mean of the semi-major axis; None: no prior."""
     sigma_a_km: float = 1.0

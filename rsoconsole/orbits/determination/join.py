@@ -24,11 +24,8 @@ from rsoconsole.words import NS_PER_S
 STARS_ARCSEC = 0.3
 """One sigma of the error that plate solutions give to all directions of a tracklet alike."""
 FORCES_ARCSEC_A_DAY = 4.0
-"""One sigma of a tracklet's common error by unmodelled forces, for each day of its span.
-
-2.4 of it is for a geostationary satellite whose area to mass is wrong by all of the usual value,
-the rest for other forces; SGP4 and the modelled forces differ by as much as all of it.
-"""
+"""Error of unmodelled forces: 2.4 for a geostationary satellite whose area to mass is off by all of
+the usual one, and what else is left out; SGP4 and these forces differ by as much."""
 _STEPS = 8
 _SETTLED = 1e-3
 _STEP = np.array([1e-1, 1e-1, 1e-1, 1e-5, 1e-5, 1e-5])

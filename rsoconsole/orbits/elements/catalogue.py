@@ -41,10 +41,8 @@ _OF_TWO_LINES = {
 """Fields that an OMM may omit, with the values that SGP4 gets instead."""
 _MAX_ALPHA_5 = 339_999
 MAX_SETS = 200_000
-"""Largest number of element sets in one text; more would take minutes.
-
-Three times the number of objects ever catalogued.
-"""
+"""Largest number of element sets in one text: three times all ever catalogued; more take
+minutes."""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
 

@@ -41,10 +41,8 @@ class MeasuredDirections:
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     whitening: FloatArray
-    """Matrices (N, 2, 2) that turn residuals in arcsec into uncorrelated ones of unit variance.
-
-    A residual is (d alpha cos delta, d delta).
-    """
+    """Whitening matrices (N, 2, 2): a residual (d alpha cos delta, d delta) in arcsec to unit
+    variances."""
     sites_km: FloatArray
     """Positions (N, 3) of the sites, GCRS."""
     sites_km_s: FloatArray
@@ -165,10 +163,7 @@ _RADII_KM = np.geomspace(6_500.0, 400_000.0, 160)
 
 
 INWARD = (0.0, 0.1, 0.2)
-"""Shares of the directions to leave out at either end, to be tried in turn.
-
-One wild direction at an end spoils the first orbits through it.
-"""
+"""Shares of the directions to leave out at either end: a wild one spoils the orbits through it."""
 
 
 def seeds(seen: MeasuredDirections, inward: float = 0.0) -> tuple[State, ...]:

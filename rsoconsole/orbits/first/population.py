@@ -24,10 +24,7 @@ class Population:
     sigma_e: float
     """One sigma of each component of the eccentricity vector."""
     inclination_deg: tuple[tuple[float, float], ...]
-    """Inclination: (share of the objects, sigma) of each part, deg.
-
-    The sigma is that of each component of the inclination vector.
-    """
+    """Inclination: (share, sigma of each component of the inclination vector)"""
     objects: float
     """Number of the regime's objects above the horizon of one site."""
     visible_rad: float = 2.2

@@ -35,15 +35,10 @@ class CatalogueResiduals:
     offsets: FloatArray
     """Offsets (M, D), measured minus predicted."""
     covariance: FloatArray
-    """Covariances (M, D, D) of the measured offsets.
-
-    Widened where the directions scatter more than their sigmas even about the best object.
-    """
+    """Covariance (M, D, D) of the measurement, widened where even the best object leaves more
+    scatter."""
     by_errors: FloatArray
-    """Slopes (M, D, 6) of the offsets by the errors of the elements.
-
-    Errors as in ``element_errors``: radial, along, across, and their rates.
-    """
+    """Slopes (M, D, 6) by the errors of the elements, as ``element_errors`` counts them."""
     rate_arcsec_s: FloatArray
     """Predicted apparent speeds (M,)."""
     range_km: FloatArray

@@ -48,10 +48,8 @@ class Spread:
     across: _Terms
     """Across the track: amplitude of the swing out of the plane, once a revolution, over root 2."""
     shape: _Terms
-    """Radial: amplitude of the swing by an error of the eccentricity.
-
-    Along the track the same error swings twice as far.
-    """
+    """Amplitude of the swing of the radius, by an error of the eccentricity; along the track it is
+    twice that."""
 
 
 UNDISTURBED: dict[Regime, Spread] = {

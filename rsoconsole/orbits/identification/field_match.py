@@ -42,12 +42,8 @@ _FADED, _FADED_LOG = 0.05, 2.5
 logarithm."""
 _MAX_LENGTH_SIGMAS = 5.0
 Shape = Literal["placed", "faded", "open"]
-"""Kind of a line, by what its ends show.
-
-- ``placed``: one or both ends give place and instant;
-- ``faded``: a part of the streak is missing;
-- ``open``: the rim of the frame cuts both ends.
-"""
+"""Kind of a line: placed (one or both ends give place and instant), faded (a part of it is
+missing), open (the rim cuts both ends)."""
 _TOO_LONG = 1.05
 _MAX_TURN_SIGMAS = 5.0
 _NEWTON = 3
@@ -103,10 +99,7 @@ class Fit:
     range_km: float
     speed_km_s: float
     across_by: tuple[float, float]
-    """Change of the offset across the path by a kilometre of error, km.
-
-    Of an error along the radius, and of one out of the orbit's plane.
-    """
+    """Change across its path by an error of a kilometre along the radius, and off the plane, km."""
     direction_deg: float
     """Angle from the predicted direction of the motion to that of the line."""
     length_ratio: float | None

@@ -48,11 +48,9 @@ _MAX_MATCHES = 5
 _AT_LEAST = 24
 """Nearest candidates compared in full, however far: there is always a runner-up."""
 UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
-"""Density of objects that no public catalogue knows: with rates (4), and without (2).
-
-A square arcsec, and with rates a square arcsec/s too: 0.05 objects a square degree, their rates
-over 4 by 4 arcsec/s. That is a fifth of the density of catalogued objects.
-"""
+"""Density of objects that no public catalogue knows: 0.05 a square degree, their rates over 4 by
+4 arcsec/s; in arcsec and arcsec/s, with and without rates. A fifth of the catalogued density
+there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,18 +70,14 @@ class ObjectMatch:
     rate_difference_percent: float | None
     """Measured minus predicted angular speed; None where one direction alone gives no rate."""
     rate_direction_deg: float | None
-    """Angle from the predicted to the measured motion; None where there is no rate.
-
-    Positive towards the side on which ``cross_track_arcsec`` is positive.
-    """
+    """Angle by which the motion is turned, positive as ``cross_track_arcsec``; None without a
+    rate."""
     tle_epoch_utc_ns: int
     tle_age_days: float
     """Age of the elements; negative where their epoch is after the directions."""
     score: float
-    """Mahalanobis distance in sigmas, with a penalty for vague elements, which much would fit.
-
-    Smaller is better; matches are ranked by it.
-    """
+    """Mahalanobis distance in sigmas, raised where the elements are so vague that much would fit.
+    Smaller is better, and matches are ranked by it."""
     probability: float
     """Probability of this object, among all compared ones and what no catalogue knows."""
     is_within_gate: bool

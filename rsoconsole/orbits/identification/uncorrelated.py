@@ -42,10 +42,7 @@ _CREDIBLE = 23.5
 _SIDEREAL_ARCSEC_S = 15.04107
 _TURN_RAD_S = 7.2921e-5
 BELT_ARCSEC_S = 0.3
-"""Rate over the ground below which an object counts as geostationary.
-
-An object that swings by 1.1 degrees has this rate.
-"""
+"""Rate over the ground below which an object counts as geostationary: a swing of 1.1 degrees."""
 _BOX_ARCSEC = 220.0
 """One sigma of a satellite's place in its slot: slots are 0.1 deg to either side."""
 _SWING_ARCSEC, _SWING_ARCSEC_A_DAY = 60.0, 8.0

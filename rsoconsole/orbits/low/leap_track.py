@@ -21,16 +21,11 @@ from rsoconsole.sky import IntArray, position_angle_deg, separation_deg, wrap_18
 from rsoconsole.words import NS_PER_S
 
 GATE = 30.0
-"""Largest chi-square of a streak's four numbers for it to be of this object.
-
-A streak of the object exceeds it with a probability of 5e-6.
-"""
+"""Largest squared residual of a streak's four numbers for this object: chance of more 5e-6."""
 MIN_PROBABILITY = 1e-4
 MAX_SCATTER_S = 1.0
-"""Largest timing scatter of the shutter, one sigma, allowed where it has not been measured.
-
-A streak on the track, along it and of its speed may be early or late by as much.
-"""
+"""Largest scatter of the shutter, one sigma, where it has not been measured: so early or late may a
+streak be that lies on the track, runs along it and is as fast."""
 _STRAIGHT_S = 0.1
 _OF_MOTION = 4
 """Number of unknowns of an orbit that give the place along its path."""
@@ -63,15 +58,11 @@ class Hypothesis:
     """Orbit through the streaks; None before the second one."""
     probability: float
     scatter_s: float
-    """Timing scatter of the shutter, one sigma.
-
-    As stated at first, then as estimated from the streaks.
-    """
+    """Timing scatter of the shutter, one sigma: as stated at first, then as found from the
+    streaks."""
     shake_arcsec: float = 0.0
-    """Error of each end beyond its stated sigma, one sigma: wind, a mount that settles.
-
-    Estimated from how far the streaks lie beside their orbit.
-    """
+    """Error of each end beyond its stated sigma, one sigma: wind, a mount that settles. It is found
+    from how far the streaks lie beside their orbit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

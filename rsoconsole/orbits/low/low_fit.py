@@ -46,10 +46,8 @@ class StreakEnds:
     """Right ascensions (2,) at opening and closing."""
     dec_icrs_deg: FloatArray
     sigma_along_arcsec: FloatArray
-    """One sigma (2,) of each end along the streak.
-
-    ``UNSEEN_ARCSEC`` for an end outside the frame.
-    """
+    """One sigma (2,) of each end along the streak; ``UNSEEN_ARCSEC`` where it is not in the
+    frame."""
     sigma_across_arcsec: FloatArray
     delay_s: FloatArray = field(default_factory=lambda: np.zeros(2))
     """Delays (2,) of the exposure at each place's row after that at the frame's first row."""
@@ -137,11 +135,9 @@ SIGMA_E = 0.03
 _WELL_KNOWN = 0.3
 """Sigma of the eccentricity, as a share of ``SIGMA_E``, below which the prior is left out."""
 LEFT_OUT_KM_S2 = 5e-8
-"""One sigma of each component of the acceleration that `zonal.Zonal` leaves out.
-
-It is the pull of the Earth's unevenness along its equator, up to 1.4e-7 at 400 km, and counts as
-steady over a pass.
-"""
+"""One sigma of each component of the acceleration left out by `zonal.Zonal`: the Earth's
+unevenness along its equator, which pulls with up to 1.4e-7 at 400 km. Over a pass it stands for
+a steady pull."""
 _NO_BIAS_S = 1e-9
 _MAX_STEPS = 25
 _STEADY = 1e-3
@@ -166,10 +162,7 @@ class LowOrbit(KnownOrbit):
     """Orbit of a low satellite through streaks; its epoch is near the middle of their time span."""
 
     residuals_arcsec: FloatArray
-    """Residuals (K streaks, 2 ends, 2), measured minus computed.
-
-    The last axis: along the path, across it.
-    """
+    """Residuals (K, 2, 2) of each end, along and across the path: measured minus computed."""
     believes_round: bool
     """True where the fit needed the prior on the eccentricity."""
     is_converged: bool

@@ -265,10 +265,8 @@ _come_down.terminal = True  # type: ignore[attr-defined]
 
 
 STEP_S = 20.0
-"""Step of the zonal integration.
-
-The error at 400 km is a tenth of a millimetre at the steps, and somewhat more between two.
-"""
+"""Step of the zonal integration, whose error is a tenth of a millimetre at 400 km, and between two
+steps some."""
 _State = tuple[float, float, float, float, float, float]
 
 

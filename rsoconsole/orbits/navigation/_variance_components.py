@@ -27,10 +27,8 @@ class Block:
     x: FloatArray
     """Slopes (N, unknowns) of the measurements by the unknowns."""
     parts: Mapping[int, FloatArray]
-    """Contributions (N, N) of the variances to the measurements' covariance.
-
-    By the index of the variance; one that is missing contributes nothing.
-    """
+    """Contributions (N, N) to their covariance, by number of a variance; a missing one contributes
+    nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,10 +45,8 @@ class Known:
     means: FloatArray
     sigmas: FloatArray
     is_widened: FloatArray
-    """1 for a variance that few measurements determine, 0 for the others.
-
-    The unknowns' errors are computed with such a variance increased by one sigma.
-    """
+    """Mask, 1 where the unknowns' errors count one sigma more of a variance that few measurements
+    determine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,10 +58,8 @@ class Fit:
     variances: FloatArray
     variance_sigmas: FloatArray
     covariance_by_blocks: FloatArray | None
-    """Covariance of the unknowns by the scatter between blocks (the jackknife: Efron 1982).
-
-    It does not rely on the stated variances. None where the blocks are too few.
-    """
+    """Covariance by how the blocks differ from one another, whatever their own errors (the
+    jackknife: Efron 1982); None where they are too few."""
 
 
 def fit(blocks: Sequence[Block], known: Known) -> Fit:

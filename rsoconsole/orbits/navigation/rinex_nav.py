@@ -23,10 +23,7 @@ from rsoconsole.sky import IntArray
 from rsoconsole.words import NS_PER_S
 
 LONGEST_AGE_S = 7200.0
-"""Largest distance in time from the time of ephemeris at which a message is used.
-
-Half the interval that a GPS message is fitted to.
-"""
+"""Longest time from the time of ephemeris: half the interval that a GPS message is fitted to."""
 _MU_KM3_S2 = {"G": 398600.5, "J": 398600.5, "E": 398600.4418, "C": 398600.4418}
 _TURN_RAD_S = {"G": 7.2921151467e-5, "J": 7.2921151467e-5, "E": 7.2921151467e-5, "C": 7.292115e-5}
 _KEPLER_LINES = 8

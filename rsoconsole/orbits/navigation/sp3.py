@@ -34,11 +34,8 @@ TAI_MINUS_GPS_S = 19
 Kind = Literal["broadcast", "sp3", "tle"]
 
 SIGMA_KM: Mapping[Kind, float] = {"broadcast": 0.002, "sp3": 0.0005, "tle": 1.0}
-"""Assumed error of a place across the line of sight, one sigma, by kind of orbit.
-
-Metres for broadcast ephemerides; for SP3 the satellite's middle against its antenna; a kilometre
-for elements.
-"""
+"""One sigma of a place across the line of sight, stated: metres for broadcast ephemerides and the
+satellite's middle against its antenna, a kilometre for elements."""
 SYSTEMS = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "R": "GLONASS"}
 
 
@@ -143,10 +140,7 @@ def expect_covered(found: NavigationFile, t_utc_ns: Sequence[int], source: str) 
 
 
 NODES, MIN_NODES = 10, 6
-"""Number of epochs that a polynomial goes through, and the least number.
-
-The least number gives a metre at steps of 15 min.
-"""
+"""Epochs of a polynomial, and least number of them, which gives a metre at steps of 15 min."""
 _HALF_S = 0.5
 _NEAREST_KM, _FARTHEST_KM = 6_400.0, 60_000.0
 _EPOCH = datetime(1970, 1, 1)  # noqa: DTZ001 -- a calendar, which of the time systems the file says

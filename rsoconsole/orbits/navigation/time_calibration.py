@@ -29,10 +29,8 @@ Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 DRIFT_PRIOR_ARCSEC = 0.5
-"""Assumed sigma of the error common to all stars of a night.
-
-Proper motions that are old or unknown cause it.
-"""
+"""One sigma of the common error of all stars of a night, stated: proper motions that are old or not
+known."""
 LINE_TIME_PRIOR_S = 300e-6
 """Prior sigma of the line time: no camera reads a row in a millisecond."""
 LINE_TIME_KNOWN_S = 10e-6
@@ -122,10 +120,8 @@ class ShutterTiming:
     """Timing scatter from frame to frame, one sigma."""
     line_time_s: Estimate
     is_line_time_found: bool
-    """True where the line time was found; False where it is the configured one.
-
-    The bias then holds only together with the configured line time.
-    """
+    """True where the line time was found; if not, it is the configured one, and the bias holds with
+    that alone."""
     middle_row_px: float
     bias_at_middle_s: Estimate
     """Bias at the row ``middle_row_px``, at which it is known best."""

@@ -31,16 +31,11 @@ _READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time
 _GZIP = b"\x1f\x8b"
 _REVOLUTIONS_A_DAY = (1.6, 2.4)
 _MAX_E = 0.1
-"""Largest eccentricity of a navigation satellite.
-
-With the revolutions a day it selects medium, nearly round orbits: navigation satellites, working or
-retired.
-"""
+"""Largest eccentricity; with the revolutions a day it selects medium, nearly round orbits:
+navigation satellites, working or retired."""
 _SAME_KM = 100.0
-"""Largest distance between two sources' places of one satellite, km.
-
-Elements a few days old are good to a few km; two satellites are thousands of km apart.
-"""
+"""Largest distance of one satellite by two sources, km: elements a few days old are good to a few
+km, two satellites are thousands apart."""
 _DAYS = 30.0
 
 

@@ -39,10 +39,7 @@ CLOUD_MAG = 0.7
 KEPT_FRAMES = 60
 MIN_FRAMES = 3
 SAME_SKY_DEG = 5.0
-"""Largest angle between fields whose star counts are compared.
-
-At the Milky Way's edge star counts change within 10 deg.
-"""
+"""Largest angle for comparing star counts: at the Milky Way's edge they change within 10 deg."""
 
 SIDEREAL_DEG_S = 360.98564736629 / 86_400.0
 GEO_RA_RATE_OFF_ARCSEC_S = 2.0

@@ -19,11 +19,8 @@ from rsoconsole.records import (
 from rsoconsole.tracking import Following
 
 WHOLE = 32
-"""Number of a track's last steps that are kept whole: more than the frames open to a decision.
-
-Of older steps only the accepted measurement is kept. While the operator marks in a frame, more
-steps are kept whole.
-"""
+"""Number of a track's last steps that stay whole, more than an operator's decision reaches back; of
+older ones only the accepted measurement is kept. A begun mark reaches further."""
 
 
 @dataclass(slots=True)
@@ -165,10 +162,8 @@ class TrackAssignment:
 
 NS = 1_000_000_000
 KEPT_S = 900.0
-"""Longest time, s, for which a track is kept after disarming, STOP, a new search or a fault.
-
-After it the checklist is due, and a track without measurements is hardly found where predicted.
-"""
+"""Longest time that a track is kept after disarming, STOP, a new search or a fault, s: beyond it
+the checklist is due, and a track without measurements is hardly found where predicted."""
 _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
     ("limit met", "too many limits", "clock set", "night ended", "engine ended", "resumed")
 )

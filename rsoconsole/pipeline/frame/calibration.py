@@ -26,17 +26,11 @@ from rsoconsole.words import TAKE_DARK
 SAME_EXPOSURE, SAME_EXPOSURE_S = 0.02, 0.002
 """Fraction, and seconds, by which two exposures may differ and count as the same."""
 SAME_TEMPERATURE_C = 2.0
-"""Largest difference of temperatures that count as the same.
-
-A sensor's dark current grows by a quarter in it.
-"""
+"""Largest difference of like temperatures: a sensor's dark current grows by a quarter in it."""
 SETTINGS = ("GAIN", "OFFSET", "READOUTM", "ROWORDER")
 """Header keywords whose values must agree between master and frame where both have them."""
 MAX_NONFINITE = 0.2
-"""Largest fraction of NaN or infinite pixels in a master.
-
-Such pixels are replaced by the median around them.
-"""
+"""Largest share of NaN or infinite pixels in a master, which count as the median about them."""
 _SAMPLE = 5
 _PLAIN = "1x1"
 """Binning where a header states none."""

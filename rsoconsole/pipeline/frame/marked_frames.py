@@ -11,10 +11,8 @@ from rsoconsole.session import SessionReader
 BEGIN_MARK = "begin_mark"
 """Verb of the command that holds a frame."""
 HELD = 600
-"""Number of frames for which a held frame is kept: five minutes of a fast demo, hours of a night.
-
-Each kept frame takes some 80 kB, and some 7 ms when the frames are folded again.
-"""
+"""Number of frames for which a held frame stays: a fast demo's five minutes, a real night's hours.
+Each frame kept weighs some 80 kB, and takes some 7 ms when the frames are folded again."""
 
 log = logging.getLogger(__name__)
 

@@ -136,10 +136,9 @@ def read_out_of(frame: Frame | FrameTaken) -> tuple[object, ...]:
 
 
 AIR_ARCSEC_ROOT_S = 0.40
-"""Wander by the air of a satellite against stars half a degree away, arcsec, in 1 s.
+"""Wander of the satellite against stars half a degree off, times the root of the exposure.
 
-It falls with the square root of the exposure: 1.3 arcsec theta^0.25 T^-0.5, theta in radians.
-Source: Lindegren 1980.
+1.3 arcsec theta^0.25 T^-0.5, theta in radians. Source: Lindegren 1980.
 """
 
 

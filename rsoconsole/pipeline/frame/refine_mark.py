@@ -30,18 +30,13 @@ MARGIN_PX = 80.0
 LARGEST_SIDE_PX = 2200
 """Largest side of the examined piece: a mark across more of the frame stays rough."""
 MIN_SNR, MIN_QUARTILE_SNR, MAX_ROUGH = 8.0, 3.0, 0.9
-"""Limits for a line that is believed: lowest SNR, its lowest quartile, largest roughness.
-
-Roughness is the fraction of the variation of light that neither slow change nor one period
-explains.
-"""
+"""Limits for a line that is believed: SNR, its lower quartile, and roughness, the share that
+neither slow change nor one period explains."""
 MIN_SNR_FAR, FAR_SIGMA_PX = 12.0, 8.0
 """Lowest SNR where the mark's sigma exceeds ``FAR_SIGMA_PX``: more sky holds more false lines."""
 OFFS_PX = (4.0, 8.0, 16.0, 32.0, 64.0)
-"""Distances, px, of the line from the mark that are examined at its middle and ends, in order.
-
-Distances beyond 1.5 of the mark's sigma are left out, but for the first.
-"""
+"""Distances, px, by which the line may be off the mark at its middle and ends, the nearest first;
+but for the first none beyond 1.5 of the mark's sigma."""
 ENDS_SIGMAS = 2.5
 TURNS_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0)
 """Turns from the marked direction that are examined where the mark is as rough as it is long."""

@@ -19,10 +19,8 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.tracking import MANY
 
 AT_ONCE = 2
-"""Number of tracks beside the lead whose orbits one frame refines.
-
-With no more tracks than that, none waits. In a group larger than ``MANY`` it is one.
-"""
+"""Number of tracks beside the lead whose orbits one frame refines; with no more, none waits. In a
+group larger than ``MANY`` it is one."""
 _LATE = 6
 """Number of new measurements after which a track of a large group waits for no missed one."""
 

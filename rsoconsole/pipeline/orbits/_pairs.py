@@ -109,10 +109,8 @@ def _end(pair: PairMotion, nearest: tuple[float, int], limit_arcsec: float) -> s
 MAX_FRAMES = 400
 """Largest number of a track's measurements that are compared, the latest."""
 MAX_PAIRS, PAIRS_OF_MANY = 6, 3
-"""Largest number of pairs examined in a frame, and with more than ``MANY`` tracks.
-
-Each pair costs 1 ms, and twelve tracks are 66 pairs.
-"""
+"""Most pairs examined in each frame, fewer where there are more than ``MANY`` tracks: each costs 1
+ms, and twelve tracks are 66."""
 _NEAR_SOONER = 4.0
 """Factor by which a near pair comes round sooner than others."""
 _RECENT_FRAMES = 40

@@ -51,10 +51,7 @@ class OrbitArc:
     t_last_utc_ns: int
     is_used: bool
     probability: float | None
-    """Probability that the arc is of the same object as the arcs used before it.
-
-    None for the first arc, and for an arc too short to compute it.
-    """
+    """Probability that it is; None for the first, and where it is too short to compute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -48,15 +48,11 @@ from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import duration_words, semi_major_axis_words
 
 ASKED_AT = (6, 12, 24, 48, 96)
-"""Numbers of measurements at which a track is compared with earlier objects.
-
-Its orbit is then compared with unassigned measurements, too.
-"""
+"""Numbers of measurements at which a track is compared with earlier objects, and its orbit with
+unassigned measurements."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
-"""Probabilities above which a track is joined to an earlier object, and below which it is parted.
-
-A wrong join makes one orbit of two objects, which would lead the telescope.
-"""
+"""Probabilities above which a track is joined to an earlier object, and below which it is parted
+again: a wrong join makes an orbit of two objects, which leads the telescope."""
 _MAX_EARLIER = 4
 _MORE_TO_SEEK = 1.2
 """Growth of the number of directions after which all starts are used again, where none led to an

@@ -50,11 +50,8 @@ ROUNDED_NS = 100_000_000
 """Largest difference between the start in a file's header and the recorded start, ns."""
 UNWRITTEN = "its pixels are not in the session: not written yet, or removed since"
 SAME_PX, SAME_CONFIDENCE = 0.05, 0.01
-"""Largest differences, in px and in confidence, of a candidate that counts as recorded.
-
-Another processor rounds differently, and a confidence curve fitted again may give 0.995 in place of
-0.9999.
-"""
+"""Differences within which a candidate is as recorded: another processor rounds differently, and a
+confidence curve fitted again may give 0.995 where 0.9999 was on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

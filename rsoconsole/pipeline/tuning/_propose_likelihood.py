@@ -37,10 +37,7 @@ class Step:
     settings: FilterConfig
     """Settings of the filter in force that night."""
     by_orbit: TrackState | None = None
-    """Prediction by the orbit that restarted the filter in this frame; None without one.
-
-    The filter's own prediction is then no evidence.
-    """
+    """Prediction by the orbit that restarted the filter; the filter's own is no evidence then."""
 
 
 @dataclass(slots=True, kw_only=True)

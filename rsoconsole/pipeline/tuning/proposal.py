@@ -23,10 +23,8 @@ from rsoconsole.session import SessionReader
 from rsoconsole.tracking import timing_scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
-"""NIS gates of the first round and of later ones.
-
-They are wide, so that an R that is too small does not exclude the measurements that show it.
-"""
+"""NIS gates of the first and later rounds: wide, so that an R too small excludes no measurement
+that shows it."""
 MAX_ROUNDS = 3
 
 

@@ -26,10 +26,8 @@ class Proposed:
     """Value to set; the recorded one where no change of this parameter is called for."""
     likeliest: float
     interval_68: tuple[float, float]
-    """Interval within which the profile of log L falls by 0.5 at most, with preset tuned by 2.
-
-    The log L of preset tuned is too sharp (``propose_inquiry.WIDENED``).
-    """
+    """Interval within which the profile of log L falls by 0.5 at most; by 2 for preset tuned, whose
+    log L is too sharp (``propose_inquiry.WIDENED``)."""
     is_on_bound: bool
     """True where the likeliest value lies at an end of the searched range."""
     is_flat: bool

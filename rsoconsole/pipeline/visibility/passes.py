@@ -341,10 +341,7 @@ class VisibleSatellite:
     name: str
     ra_icrs_deg: float
     dec_icrs_deg: float
-    """Declination; RA and declination are geometric, good to some arcseconds.
-
-    A go-to computes the place again.
-    """
+    """Declination; both geometric, to some arcseconds: a go-to computes the place again."""
     alt_deg: float
     az_deg: float
     is_lit: bool

@@ -157,11 +157,8 @@ def _fits_fault(content: bytes) -> str | None:
 
 
 Severity: TypeAlias = Literal["damage", "leftover", "remark"]
-"""Severity of a finding.
-
-"damage": part of the record is lost or changed. "leftover": something waits to be repaired, nothing
-is lost. "remark": good to know.
-"""
+"""Severity of a finding: part of the record is lost or changed · something waits to be repaired ·
+good to know."""
 State: TypeAlias = Literal["closed", "live", "cut off", "other version", "unreadable"]
 Digest: TypeAlias = Literal["confirmed", "differs", "none"]
 

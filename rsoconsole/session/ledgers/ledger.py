@@ -65,10 +65,8 @@ class LedgerTrack:
     orbit: LedgerOrbit | None
     """Orbit of the track; None where the track does not determine one."""
     directions: tuple[tuple[float, ...], ...]
-    """Some of its measured directions, seven numbers each.
-
-    Seconds since ``t_utc_ns``; RA, Dec (deg); covariance east-east, east-north, north-north.
-    """
+    """Some of its directions: seconds since ``t_utc_ns``, RA and Dec (deg), covariance ee, en,
+    nn."""
     is_simulated: bool = False
 
 

@@ -28,15 +28,11 @@ MAX_ROW_BYTES = 64_000_000
 """Largest allowed row, bytes; the largest records have some ten thousand."""
 STEPS_A_CALL = 100_000
 MIN_CALLS = 500
-"""Least number of progress calls allowed to a statement, each of STEPS_A_CALL steps.
-
-Fifty million steps: seconds on a slow machine.
-"""
+"""Least number of calls before a statement is ended: fifty million steps, seconds on a slow
+machine."""
 BYTES_A_CALL = 10_000
-"""Bytes of the database for which a statement is allowed one more progress call.
-
-Ten steps a byte; the program's own statements need a thirtieth of a step a byte.
-"""
+"""Bytes of the file for one more call: ten steps a byte; the program's own statements need a
+thirtieth of a step."""
 _TABLES = ("log", "meta", "files")
 _COMPUTED = re.compile(r"\b(check|generated|as|virtual)\b", re.IGNORECASE)
 _GENERATED = (2, 3)

@@ -72,10 +72,8 @@ _SUPERSEDED = (
     "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
     " AND later.frame_id = log.frame_id AND later.seq > log.seq)"
 )
-"""SQL condition: true for a row that no longer counts.
-
-The frame was then processed again after the operator's decision.
-"""
+"""Condition in SQL that is true where the frame was processed again after the operator's decision:
+the row no longer counts."""
 VIEWS = tuple(TABLES)
 """Names of the public views."""
 

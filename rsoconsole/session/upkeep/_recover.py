@@ -54,10 +54,7 @@ PAGE_BYTES = 4096
 MAX_DEAD_ROWS = 20_000
 """Number of unreadable records in succession at which the log counts as ended."""
 MAX_GROWTH = 1000
-"""Largest factor by which a header may state more pages than there are.
-
-Beyond this factor the header itself counts as damaged.
-"""
+"""Factor by which a header may state more than there is; beyond it the header is damaged itself."""
 _HEADER = struct.Struct(">16sH10xI")
 """Layout of the header: magic, page size, pages. Source: sqlite.org/fileformat.html, 1.3."""
 _LOG_FIELDS, _META_FIELDS, _FILES_FIELDS = 5, 2, 7

@@ -41,10 +41,8 @@ class SessionSummary:
     records: int = 0
     size_bytes: int
     is_closed: bool = False
-    """True where the session is closed; False where it is live or was cut off.
-
-    Every committed record is there in either case.
-    """
+    """True where closed; False: live, or cut off before its end, with every committed record there
+    all the same."""
     fault: str | None = None
     """Reason why the session cannot be read (all other members are then empty); None: readable."""
     state: State = "unreadable"
@@ -232,11 +230,8 @@ def sample_copy(root: Path) -> Path:
 
 
 What: TypeAlias = Literal["frames", "previews", "all"]
-"""What to prune.
-
-"frames": the FITS files. "previews": small pictures and close-ups. "all": the whole session with
-its log.
-"""
+"""Files to prune: the frames · the small pictures and closeups · the session whole, its log
+included."""
 _ROLES = {"frames": ("frame",), "previews": ("preview", "closeup")}
 NS_PER_DAY = 86_400_000_000_000
 
@@ -250,10 +245,7 @@ class PruningPolicy:
     keep_last: int | None = None
     """Number of newest sessions that are not touched; None: no such rule."""
     free_bytes: int | None = None
-    """Free disk to reach, bytes; None: no such rule.
-
-    The oldest sessions are pruned first, and no more than needed.
-    """
+    """Free disk to reach: the oldest go first, and no more than needed."""
     what: What = "frames"
     with_branches: bool = False
     """False: sessions that have a what-if branch are not touched."""

@@ -32,10 +32,8 @@ from rsoconsole.session.writing.worker import BoundedWorker, Faults
 
 MAX_FRAMES_WAITING = 3
 MAX_PREVIEWS_WAITING = 64
-"""Largest number of pictures that wait to be written, of 0.3 MB each.
-
-The writer waits for the disk with each picture, and pictures come in bursts.
-"""
+"""Largest number of waiting pictures of 0.3 MB: the writer waits for the disk with each, and they
+come in bursts."""
 LAST_KEPT = 12
 """Number of latest frames kept by ``session.keep_frames = last``: 0.2 GB at 16 Mpx."""
 NOT_AMONG_LAST = f"of the last {LAST_KEPT} frames alone the pixels are kept (session.keep_frames)"

@@ -17,10 +17,8 @@ Float32Array = npt.NDArray[np.float32]
 
 FWHM_PER_SIGMA = 2.3548200450309493
 WINGS = ((0.875, 1.0), (0.105, 2.2), (0.016, 6.0), (0.004, 20.0))
-"""Fraction of the light and sigma (in units of the core's) of each Gaussian of the disc.
-
-The sum is close to a Moffat profile of beta 3.5 out to ten times its width, with a faint aureole.
-"""
+"""Share of the light and width, in units of the core's sigma, of each Gaussian: close to a Moffat
+disc of beta 3.5 to ten times its width, with a faint aureole."""
 
 FAINTEST_E = 0.04
 """Electrons in a pixel below which the light of a point source is not drawn."""

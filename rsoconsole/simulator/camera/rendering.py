@@ -39,10 +39,7 @@ class Streak:
     """A source that moves during the exposure."""
 
     x_px: FloatArray
-    """Columns (``y_px``: rows), (n >= 2,), at equal steps of time from opening to closing.
-
-    The path is straight in between.
-    """
+    """Places, (n >= 2,), at equal steps of time from opening to closing; straight in between."""
     y_px: FloatArray
     electrons: float
     """Electrons of the whole streak at relative brightness 1 under a clear sky."""
@@ -92,11 +89,8 @@ class FieldContent:
     star_path_px: FloatArray | None = None
     """Displacement of all stars, x and y (2, m >= 2), at equal steps of time; None: still."""
     stands: FloatArray | None = None
-    """Positions of the whole image during the exposure, (4, n); None: it stands still.
-
-    Rows: dx and dy (px), turn about the middle of the frame (rad), fraction of the exposure spent
-    there. Applied to stars alone: the pixels of a ``Streak`` contain this motion already.
-    """
+    """Places of the whole image, (4, n): dx, dy (px), turn about the middle (rad), share of the
+    time. Stars are drawn by it; streaks carry it in their places. None: it stood still."""
     streaks: tuple[Streak, ...] = ()
     cloud_transmission: Float32Array | None = None
     """Transmission of clouds, 0 to 1: a coarse map (rows, columns) of the frame; None: clear."""

@@ -19,11 +19,8 @@ class SatelliteTruth:
     is_whole: bool
     """True where both ends of its streak lie on the sensor."""
     ra_icrs_deg: float
-    """True right ascension of the satellite at mid-exposure as the operator computes it.
-
-    That instant is computed from the header and the known latency and is taken for true UTC: a
-    clock or shutter that is off makes a measurement differ from this direction.
-    """
+    """Right ascension at the mid-exposure of header and known latency, taken for true UTC, as a
+    perfect measurement would have it. Errors of clock and shutter show as errors of place."""
     dec_icrs_deg: float
     ra_rate_deg_s: float
     """Rate of right ascension (the coordinate, not times cos dec) at the same instant."""
@@ -44,10 +41,8 @@ class SatelliteTruth:
     snr_peak_pixel: float
     """Peak SNR: the streak's brightest pixel over its noise."""
     snr_matched: float
-    """SNR of the whole streak by a matched filter, for a straight streak of constant brightness.
-
-    Approximate: the noise is that of sky, dark current and read-out alone; blur is included.
-    """
+    """Signal over noise of the whole streak, weighted by its own shape; a steady straight one
+    under a clear sky."""
     snr_integrated: float
     """Integrated SNR of the streak as rendered, pixel by pixel (``streak_snr.integrated_snr``)."""
 
@@ -68,10 +63,8 @@ class FrameTruth:
     t_start_utc_ns: int
     """DATE-OBS: by the observatory's clock, rounded down where the world's camera does so."""
     t_place_utc_ns: int
-    """Instant for which the satellites' directions are given.
-
-    Mid-exposure as computed by an operator who knows the camera's latency.
-    """
+    """Instant of the satellites' places: mid-exposure as computed by an operator who knows the
+    camera's latency."""
     t_open_utc_ns: int
     """True opening of the first row, true UTC."""
     exposure_s: float

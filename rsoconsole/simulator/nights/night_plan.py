@@ -17,11 +17,9 @@ from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.sky import StarCatalogue
 
 STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.3, "HEO": 12.5, "LEO": 13.3}
-"""Magnitude by regime, fully lit at 36,000 km: typical values, chosen, not measured.
-
-Typical are 12.0 for a navigation satellite at 20,200 km (12.7 half turned away), and at 1,000 km
-4.7 for a rocket body and 5.5 for a payload.
-"""
+"""Magnitude fully lit at 36,000 km: common values, chosen, not measured. A navigation satellite of
+12.0 at 20,200 km (12.7 half turned away), a rocket body of 4.7 and a low payload of 5.5 at
+1,000 km."""
 
 
 def satellite_of(entry: CatalogueEntry) -> Satellite:

@@ -98,10 +98,7 @@ LAWS = (
     SettingDistribution(name="frames.late_rate", low=0.0, high=0.1, share=0.1, group="late"),
     SettingDistribution(name="frames.late_s", low=1.0, high=20.0, share=0.1, group="late"),
 )
-"""Distributions of the settings of a random world.
-
-In every world the operator knows the camera's latency to 0.1 s.
-"""
+"""The distribution. A camera's latency is known to its operator to 0.1 s in every world."""
 
 
 def random_world(seed: int) -> World:

@@ -19,16 +19,11 @@ from rsoconsole.sky.frames import PierSide
 POLE_DEG = 0.5
 """Distance from a pole, deg, within which the hour angle has no meaning."""
 PARKED_DEG = 0.02
-"""Distance from a pole, deg, within which a mount is taken to be parked.
-
-The hour angle that it reports there is noise.
-"""
+"""Distance from a pole, deg, within which the reported hour angle is noise: the mount is taken to
+be parked there."""
 POLE_PLACES = 9
-"""Number of angles of the polar axis, evenly over its range, that stand for an unknown one.
-
-Mounts are parked at the middle one: a German mount with its counterweight down, a fork at the
-meridian.
-"""
+"""Number of places of the polar axis, evenly over its range; mounts are parked at the middle one: a
+German mount with its counterweight down, a fork at the meridian."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,11 +147,8 @@ def _polar_ways(
 
 
 LAG_S = 0.5
-"""Lag of one axis behind the other, s at full speed.
-
-Ramps that last T seconds cause a lag of v T / 8 (a quarter of a second of full speed for 2 s),
-ramps that differ by a second cause half a second.
-"""
+"""Lag of one axis behind the other, s: ramps of T seconds make v T / 8 (a quarter of a second of
+full speed where they last 2 s), ramps that differ by a second half a second."""
 RATE_SPREAD = 0.05
 NEARER_DEG = 0.05
 """Largest further approach to the Sun, deg, allowed to a path that begins inside the cone."""

@@ -42,11 +42,9 @@ def lowest_altitude_deg(limits: LimitsConfig, azimuth_deg: FloatArray) -> FloatA
 
 
 SUN_HARMLESS_DEG = -6.0
-"""Altitude of the Sun, deg, at and below which its cone is not checked.
-
-No tube above the horizon then looks at it, and a German mount that flips by night, or is parked at
-dawn, may swing through the place below the horizon where the Sun is.
-"""
+"""Altitude of the Sun, deg, below which it is harmless: no tube above the horizon looks at it, and
+a German mount that flips by night may well swing through the place below the horizon where it is;
+also one that is parked at dawn."""
 
 PARKS_BELOW_DEG = 5.0
 """Depth below the horizon, deg, allowed while parking: a level mount may report a little less."""

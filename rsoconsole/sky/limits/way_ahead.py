@@ -31,10 +31,8 @@ POLE_ROOM_DEG = 10.0
 FLIP_ROOM_DEG = 45.0
 """Distance from the elevated pole, deg, within which a flip may lead through any hour angle."""
 BESIDE_DEG = 3.0
-"""Distance from a slew's path or its end, deg, up to which a mount counts as on the path.
-
-Some mounts slew without the sky's motion, some approach the target from beyond it.
-"""
+"""Distance from its way, or its end, deg, up to which a mount is on it: some slew without the sky's
+motion, some come from beyond."""
 PAUSE_DEG_S = 0.05
 """Rate below which an axis counts as still, deg/s."""
 _STEP_DEG = 0.5

@@ -50,10 +50,7 @@ class FrameInput:
     measurements: tuple[Measurement, ...]
     """Measurements of the frame, most confident first."""
     absence: Missed | Callable[[], Missed] = NO_DETECTION
-    """Reason to record for a track that the frame does not show.
-
-    A function is called only where a track is missed.
-    """
+    """Reason recorded for a miss in this frame; a function is called only where there is one."""
     field: Field | None = None
     """Field of the frame; None where it is unknown."""
     star_width_arcsec: float | None = None
@@ -69,11 +66,8 @@ class FrameInput:
     released: tuple[int, ...] = ()
     """Numbers of kept tracks that the operator releases: misses may end them again."""
     by_orbit: Callable[[TrackState], TrackState | None] | None = None
-    """Function from a track as its filter predicts it to the track as its orbit predicts it.
-
-    It gives None where there is no orbit, and is called only after a long coast or where no
-    measurement fits the filter's prediction.
-    """
+    """Return the orbit's prediction in the place of one that failed, None where it has none; called
+    only where nothing fits."""
 
     @property
     def why_absent(self) -> Missed:
@@ -90,16 +84,10 @@ class FollowSettings:
     """Distance from the centre to the nearest edge of the usable field."""
     choice: Choice = "nearest"
     bend: Callable[[int, tuple[float, float], tuple[float, float]], Bend | None] | None = None
-    """Function for the bend that the path of an orbit may have; None: unknown.
-
-    Its arguments are an instant, a direction, and a rate (east, north, arcsec/s); its result may be
-    None too.
-    """
+    """Return the possible bend of an orbit through a direction with a rate (east, north, arcsec/s)
+    at an instant; None: unknown."""
     is_shutter_known: bool = False
-    """True where the frame's camera mode is calibrated.
-
-    The shutter's scatter is then part of every measurement's covariance.
-    """
+    """True where the frame's camera mode is calibrated: its scatter is in every measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,10 +113,7 @@ class LiveTrack:
     since_utc_ns: int = 0
     """Instant of the last measurement that initiated it; 0: unknown."""
     trial: int = 1
-    """Number of updates after its initiation that it needs to outlive a miss.
-
-    A lead that needs more ends with a miss only where another track is confirmed.
-    """
+    """Measurements after its second that it needs to outlive a miss where it does not lead."""
 
     @property
     def is_on_trial(self) -> bool:
@@ -152,10 +137,8 @@ class Following:
     last_track_id: int = 0
     """Number of the last track initiated in the session; 0 before the first."""
     dropped: tuple[LiveTrack, ...] = ()
-    """Tracks that the operator has dropped and that may still be in the field.
-
-    Their streaks initiate no track.
-    """
+    """Tracks that the operator has dropped and that may still be in the field: their streaks
+    initiate none."""
 
     @property
     def track(self) -> TrackState | None:

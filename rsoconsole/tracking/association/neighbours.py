@@ -26,10 +26,7 @@ NEAREST_ARCSEC = 30.0
 """Separation below which two detections count as one streak found twice."""
 SIGMA_ARCSEC = 10.0
 DRIFT_ARCSEC_S = 1.0 / 60.0
-"""Growth of the sigma of a neighbour's place.
-
-Satellites of one slot swing by some 0.05 deg in half a day.
-"""
+"""Growth of a neighbour's sigma: in a slot they swing by some 0.05 deg in half a day."""
 UNSEEN_COST = 9.0
 """Cost of a known object that is not seen: as a deviation of 3 sigma."""
 UNKNOWN_COST = 9.0

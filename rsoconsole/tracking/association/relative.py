@@ -48,10 +48,8 @@ class TrackDirections:
     units: FloatArray
     """(N, 3) unit vectors of the directions."""
     cov_sky_arcsec2: FloatArray
-    """(N, 3) covariances: east-east, east-north, north-north.
-
-    Without errors common to all of a frame.
-    """
+    """(N, 3) covariances east-east, east-north, north-north, without errors common to all of a
+    frame."""
     rate_arcsec_s: FloatArray
     """(N, 2) rates against the stars, east and north."""
 
@@ -63,10 +61,7 @@ class RelativePositions:
     t_utc_ns: IntArray
     """(N,) instants of the frames."""
     ways_arcsec: FloatArray
-    """(N, 2) positions of the second track relative to the first, east and north.
-
-    At their midpoint.
-    """
+    """(N, 2) relative positions, east and north, at the middle between the two."""
     covariance_arcsec2: FloatArray
     """(N, 2, 2) covariances of ``ways_arcsec``."""
     rate_arcsec_s: FloatArray
@@ -83,10 +78,7 @@ class RelativePath:
     axes: FloatArray
     """(2, 2) rows: unit vectors (east, north) along and across the motion, the axes of the fit."""
     samples: FloatArray
-    """(S paths, 2 axes, 6) coefficients of the paths along the two fitted axes.
-
-    Offset, drift, cosine and sine of one turn, cosine and sine of half a turn.
-    """
+    """(S, 2, 6) coefficients of each axis."""
     frames: int
     """Number of frames that have shown both."""
 

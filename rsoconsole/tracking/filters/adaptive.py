@@ -56,11 +56,8 @@ _WORTH_REPORTING = 1.5
 _MAX_CORRELATED = 0.99999
 
 COMMON_ARCSEC = 0.2
-"""Sigma on each axis of the error common to all directions of a night.
-
-It comes from the catalogue's frame and the lens. No innovation shows it: it is part of a state's
-covariance, not of the filters'.
-"""
+"""Sigma on each axis of the error common to all directions of a night (the catalogue's frame, the
+lens), which no innovation shows: part of a state's covariance, not of the filters'."""
 Bend = tuple[FloatArray, FloatArray]
 """Bend of a path: mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
 

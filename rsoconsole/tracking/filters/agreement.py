@@ -21,18 +21,14 @@ DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
 BENT_TOLERANCE_DEG = 20.0
-"""Largest difference of direction for a streak that is as long as its motion.
-
-Stars that drift during the exposure, wind and a jumping mount bend a streak by as much.
-"""
+"""Tolerance of the direction of a streak as long as the motion at the expected place: stars that
+drift during the exposure, wind and a jumping mount bend it by as much."""
 SHORTER_TOLERANCE = 0.4
 """Fraction of its expected length by which a rival's streak may be too short."""
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
-"""Fractions of its expected length by which a track's streak may be too short and too long.
-
-Its length then shows how badly its place along the motion is known (``streak_length``). A streak
-half as long is another object, half as fast.
-"""
+"""Shares of its length that the streak of a track may lack or have too much: they then show how
+badly its place along the motion is known (``streak_length``). Half as long is another object, half
+as fast."""
 FLASHING_TOLERANCE = 0.65
 """Fraction of its expected length by which the streak of a flashing satellite may be too short."""
 

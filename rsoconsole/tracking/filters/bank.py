@@ -36,11 +36,8 @@ from rsoconsole.tracking.filters.sky_path import (
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
-"""Factors on a measurement's own variances.
-
-Wind, a plate of few stars and ends that cloud has moved make errors larger than stated, across the
-motion as well as along it.
-"""
+"""Factors on a measurement's own variances: wind, a plate of few stars and ends that cloud has
+moved make errors larger than stated, across the motion as well as along it."""
 MAX_SCATTER_S = 3.0
 _MIN_SCATTER_S = 0.005
 SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)

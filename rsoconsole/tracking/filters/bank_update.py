@@ -145,11 +145,9 @@ def answer(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
 
 
 RARE, _RARE_SCATTER_S = 0.01, 0.8
-"""Share of measurements that have gone wrong, and the timing scatter of these, s.
-
-They are late or wrong by far more than the night's scatter. A filter must neither shut them out for
-ever nor be upset by them (a mixture of two noises).
-"""
+"""Share of measurements that are late or wrong by far more than the night's scatter, and their
+scatter, s: a filter must neither shut them out for ever nor be upset by them (a mixture of two
+noises)."""
 _LENGTH_SAYS_TOO_MUCH = 0.15
 """Share of the indicated error that is real where both ends err alike (haze, a drift that
 changes)."""
@@ -179,10 +177,8 @@ class BankUpdate:
 
     after: Bank
     nis: float
-    """Minus twice the log probability that a sound mixture has a larger innovation.
-
-    With one filter alone it is the normalised innovation squared.
-    """
+    """Minus twice the logarithm of the probability that a sound mixture shows more: with one filter
+    alone its normalised innovation squared."""
     innovation: FloatArray
     """(2,) measured minus the mixture's mean, arcsec."""
     covariance: FloatArray

@@ -44,10 +44,7 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
 
 AS_GOOD_AS_CERTAIN = 0.9
-"""Confidence from which two measurements count as equally sure.
-
-The one with the smaller position error is then followed.
-"""
+"""Confidence from which the smaller position error decides which of two to follow."""
 
 
 REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")

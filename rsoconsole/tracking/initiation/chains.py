@@ -37,25 +37,16 @@ from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_poin
 LOST_TOLERANCE = 0.4
 """Fraction of its expected length by which a streak of a pair may be too short or too long."""
 ACROSS_ARCSEC, ACROSS_SHARE, LENGTH_SHARE = 3.0, 0.02, 0.15
-"""Sigma of a streak's direction: arcsec across it and share of its length; sigma of its length.
-
-The last one is a share of the length too.
-"""
+"""Sigma of a streak's direction, as displacement across it, and of its length."""
 BEND_DEG = 5.0
 """Sigma of the bend that all streaks of a frame share."""
 COMMON_ARCSEC, COMMON_SHARE = 10.0, 0.05
-"""Sigma of the differences in motion between satellites of one field, from frame to frame.
-
-Arcsec, and share of the motion.
-"""
+"""Sigma of the motion from frame to frame that satellites of one field share."""
 ALONE_COST = 12.0
 """Cost of a pair that moves unlike the others."""
 UNSURE_COST = 8.0
-"""Largest cost, by errors of its streaks, of a pair that moves unlike the others.
-
-Two directions and two lengths off by two sigmas each or so. Beyond it two objects are likelier,
-each seen once.
-"""
+"""Largest cost of a pair with a motion of its own by errors: its streaks' two directions and
+lengths by two sigmas each or so. A pair off by more is rather two objects, each seen once."""
 UNPAIRED_COST = ALONE_COST + UNSURE_COST
 _NOBODY = 1e6
 """Cost of a streak without a partner: as many as possible have one."""
@@ -215,10 +206,7 @@ def _student(sigmas: FloatArray) -> FloatArray:
 WINDOW = 5
 """Number of frames in which points wait, the present one among them."""
 BEGINS_AT = 0.9
-"""Probability from which a chain of points initiates a track.
-
-The track is not revoked.
-"""
+"""Probability from which a chain of points initiates a track: it is not revoked."""
 CHANCE = 0.05
 """Largest number of such chains expected by chance for one to initiate a track."""
 _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
@@ -231,17 +219,12 @@ _MAX_POINTS = 60
 _MIN_FALSE = 0.5
 """Least assumed number of points a frame that are no object's."""
 APART_COST = ALONE_COST + UNSURE_COST / 2.0
-"""Largest cost of a pair of streaks that initiates a track beside others.
-
-It allows a motion of its own, with directions and lengths off by one sigma each or so. Worse pairs
-wait for frames that show them better.
-"""
+"""Cost of a pair with a motion of its own beside tracks: its streaks' directions and lengths by one
+sigma each or so. Worse ones wait for frames that show them better."""
 ON_TRIAL, APART_ON_TRIAL = 1, 2
-"""Updates after its initiation that a track needs to outlive a miss.
-
-The second number is for a motion unlike those beside it, which chance makes more often. A track
-that moves as another does needs none.
-"""
+"""Measurements after its second that a track needs to outlive a miss; the second number for a
+motion unlike those beside it, which chance makes more often. A track that moves as another does
+needs none."""
 _AS_ANOTHER_ARCSEC = 10.0
 """Largest difference, arcsec, of the displacements of two that move alike: the shutter's scatter
 and a slot's."""

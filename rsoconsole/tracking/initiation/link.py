@@ -39,10 +39,8 @@ class MotionPrior:
     common: tuple[float, float] | None = None
     """Motion (per second) that most objects share; None: learnt from the points."""
     shares: tuple[tuple[float, float], ...] = ((0.8, 0.02), (0.15, 0.15))
-    """Parts of the objects that share the common motion: (share, sigma as a fraction of the speed).
-
-    The remaining objects have any motion.
-    """
+    """Shares of the objects that keep to the common motion, each with its sigma as a share of the
+    speed; the rest have any motion."""
     objects: float = 1.5
     """Mean number of objects in a sequence of frames."""
 

@@ -44,10 +44,7 @@ MIN_RECORDED_CONFIDENCE = 0.01
 
 DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
-"""Length, px, above which a line is traced (``streak_trace``) but not fitted.
-
-A fit would take seconds.
-"""
+"""Longer lines are measured along themselves alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
 """Limits of a candidate's width over the stars' (``SHARP_PX`` at most for the first), and of its
@@ -87,10 +84,8 @@ class Proposal:
     """Line along which a streak may lie, from the network, the line filter or the star search."""
 
     box: NetworkBox
-    """Box and ends of the proposal, with the network's confidence.
-
-    ``LOWEST_CONFIDENCE`` where the network proposed nothing there.
-    """
+    """Box of the proposal with the network's confidence; the lowest where it proposed nothing
+    there."""
     is_line: bool
     """True where the line filter or the star search proposed it."""
     is_light: bool = False

@@ -12,10 +12,8 @@ from rsoconsole.vision.stars.star_list import Trail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 TRAILED_STREAKS = 9
-"""Number of streaks alike in length and direction from which they are taken for trailed stars.
-
-Not in a frame that shows many more stars as points.
-"""
+"""Number of streaks of one length and direction from which they are stars, where stars are not
+points."""
 _POINTS_TO_STREAKS = 3.0
 """Ratio of points to streaks that are alike, above which the stars are no streaks."""
 _LENGTH_KNOWN = 0.2

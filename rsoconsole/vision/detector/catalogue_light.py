@@ -43,10 +43,8 @@ class CatalogueLight:
     """Share of the streak's light that lies away from catalogue stars."""
     rest_snr: float
     missing_share: float
-    """Share of the streak's light that cannot be stars: bright, and at no catalogue star.
-
-    It is so bright that the catalogue would have a star there.
-    """
+    """Share of the streak's light that is away from them and so bright that the catalogue would
+    have it."""
 
     @property
     def finding(self) -> CatalogueFinding:

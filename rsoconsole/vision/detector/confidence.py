@@ -43,16 +43,11 @@ FEATURE_NAMES = (
     "blurred",
     "drifted",
 )
-"""Names of the inputs of the curve for one image kind.
-
-Those from ``wide`` on are at least 0 and have no effect at 0. They count against a streak, except
-the last two, which describe how the frame shows stars.
-"""
+"""Names of the inputs of one image kind. All from ``wide`` on are 0 or more and weigh nothing at 0;
+they speak against a streak, except the last two, which describe how the frame shows stars."""
 IMAGE_KINDS = ("", "joined ", "trailed ")
-"""Kinds of star image: sharp, so wide that pixels were joined, or drawn out by drift.
-
-Each kind has its own weights, since other things look like a streak in each.
-"""
+"""Kinds of star image: sharp, so wide that pixels were joined, or drawn out by drift. Each has
+weights of its own, since something else looks like a streak in each."""
 FEATURES = tuple(way + name for way in IMAGE_KINDS for name in FEATURE_NAMES)
 """Names of the curve's inputs; a candidate has those of one image kind, the others are 0."""
 MIN_LOGIT = -7.0
@@ -74,10 +69,8 @@ stars, and scatter by noise at a signal to noise of 1."""
 FAINT_SNR = 12.0
 """Signal to noise below which a chain of faint stars is as likely as a streak."""
 SHORT_FWHM, LONG_FWHM = 12.0, 120.0
-"""Lengths in star widths below and above which streaks are less likely.
-
-Pieces of cosmic rays are short, lights that cross the frame are long.
-"""
+"""Lengths in widths of a star below and above which streaks are less likely: pieces of cosmic
+rays are short, lights that cross the frame are long."""
 LENGTH_ERROR = 2.0
 """Largest ratio of a streak's length to its proposal's: a fit follows light beyond the ends."""
 MAX_IN_LINE = 2

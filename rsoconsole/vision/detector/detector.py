@@ -85,10 +85,8 @@ class FrameAnalysis:
     proposals: tuple[Proposal, ...] = ()
     """Proposals, in working-frame pixels."""
     class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
-    """Probabilities of all classes by streak, accepted or rejected.
-
-    Streaks whose class was not examined are missing.
-    """
+    """Probabilities of all classes by streak of ``detections``, accepted or not, where it has
+    any."""
 
 
 class StreakDetector:

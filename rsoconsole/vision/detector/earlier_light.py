@@ -70,16 +70,12 @@ class EarlierLight:
     """Share of the streak's light that lies where the earlier frame is dark."""
     fresh_snr: float
     lacking: float
-    """Share of the light expected to be new that is missing; 1: no light is new.
-
-    Expected is the light of an even streak as bright as this one.
-    """
+    """Share of the light of an even streak, as bright as this one was measured, that is not new;
+    1: none of it is."""
     lacking_snr: float
     beyond_share: float
-    """Light of the earlier frame, on the line beyond the streak's ends, that has gone since.
-
-    As a share of the streak's light.
-    """
+    """Light of the earlier frame on the line beyond the streak's ends that is not there now, over
+    the streak's."""
     beyond_snr: float
 
     @property

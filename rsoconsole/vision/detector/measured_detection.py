@@ -14,10 +14,7 @@ from rsoconsole.vision.streaks.streak_fit import StreakFit
 from rsoconsole.vision.streaks.streak_trace import Trace
 
 SHARP_PX = 3.2
-"""Largest width of stars, px, not widened by wind or mount.
-
-Where stars are wider, a streak may still be as narrow as this.
-"""
+"""Width of a star that neither wind nor the mount has widened, px: a streak may be as narrow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,10 +29,8 @@ class LineLight:
     """Scatter of the sky beside the line over the noise of its pixels."""
     bend: float = 0.0
     lumpiness: float = 0.0
-    """How much the path (``bend``) and the light of a short line vary beyond noise.
-
-    See ``streak_evenness``; 0 for longer lines.
-    """
+    """Excess over noise of how its path and its light vary, of a short one
+    (``streak_evenness``)."""
 
     over_points: float = 0.0
     """Chi-square of a few points minus that of one line, for its profile (``line_or_points``)."""
@@ -226,10 +221,8 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
 
 
 SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
-"""Limits within which two boxes are one streak: the turn between them, and their distance.
-
-The turn in degrees; the distance across in widths of the streak, of at least ``_MIN_WIDTH_PX``.
-"""
+"""Limits within which two boxes are one streak: turn, deg, and distance across, in widths but at
+least this in px."""
 _RUNS_ALIKE_DEG = 6.0
 """Largest difference of two proposals' directions that run alike, deg."""
 

@@ -47,10 +47,8 @@ class NetworkBox:
     """One candidate of the network, in pixels of the raw frame (0 = centre of the first)."""
 
     confidence: float
-    """Calibrated confidence, 0 to 1.
-
-    The share of such candidates that are satellites in the training data.
-    """
+    """Calibrated confidence, 0 to 1: the share of such candidates that are satellites in the
+    training data."""
     corners_px: Box
     ends_px: Ends
     """Ends of the streak, to about half a cell; one frame does not show which came first."""

@@ -62,17 +62,11 @@ class FrameBins:
     """Sky level by cell, ADU, shape as ``means``: the median of 5 x 5 means."""
     cell_px: int
     brightest: Mapping[int, Float32Array]
-    """By side of a block: mean of the brightest bin of every block, ADU.
-
-    Shape (ceil(height / block), ceil(width / block)).
-    """
+    """Mean of the brightest bin by block, ADU: (ceil(height / block), ceil(width / block))."""
     squares: Float32Array | None
     """Means of squares, ADU: (ceil(height / side), ceil(width / side)); None: not requested."""
     lines: Mapping[int, Float32Array]
-    """By side of a block: brightest value of ``lines_of_light`` in every block, ADU.
-
-    Shape as in ``brightest``.
-    """
+    """Brightest piece of a line (``lines_of_light``) by block, ADU, same shape."""
 
 
 def binning_of(block: int) -> int:

@@ -36,10 +36,8 @@ MAP_KIND = "lines of 5 bins"
 LOWEST_SIGMA = -2.0
 HIGHEST_SIGMA = 14.0
 LINE_GAIN, LINE_SHIFT = 1.25, 1.25
-"""Gain and shift (sigma) of values of lines, which are the darkest of five bins.
-
-With them plain sky looks like the brightest of its single bins.
-"""
+"""Gain and shift that make good the loss by the darkest of five: plain sky looks as the brightest
+of its bins would."""
 CODES_PER_SIGMA = 255.0 / (HIGHEST_SIGMA - LOWEST_SIGMA)
 SIDEREAL_ARCSEC_S = 15.04
 

@@ -10,10 +10,8 @@ import numpy.typing as npt
 from rsoconsole.vision.arrays import Float32Array
 
 THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
-"""Thresholds from which short and long sums along a line are traced, in sigma.
-
-The sigma is that of the cells' own scatter.
-"""
+"""Thresholds of a short and of a long partial sum to be traced, in sigma of the cells' own
+scatter."""
 _SHORTEST, _LONGEST = 2, 7
 """Smallest and largest k of lines of 2^k rows of cells."""
 

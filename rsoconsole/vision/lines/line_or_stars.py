@@ -54,10 +54,8 @@ class LineOrStars:
     """Comparison of a short light as one line and as a few stars."""
 
     over_stars: float
-    """Chi-square of the best few stars minus that of one line; negative: stars fit better.
-
-    Divided by ``left``, where that is above 1.
-    """
+    """Chi-square that one line explains better than the best few stars, over what it leaves of a
+    pixel; negative: stars it is."""
     left: float
     """Chi-square per pixel that the line leaves, each pixel's limited: about 1 for a streak."""
 

@@ -16,10 +16,8 @@ from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.stars.star_list import StarList
 
 MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
-"""Largest number of short lines where stars are wide, and where they are sharp.
-
-With sharp stars a streak is seldom so short, and line filter and network see it too.
-"""
+"""Largest numbers of short lines: with wide stars and with sharp ones, where a streak is seldom so
+short and line filter and network see it too."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 """Distance across, in widths, and turn up to which a light is a piece of a proposed line."""
 

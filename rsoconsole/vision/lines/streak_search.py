@@ -62,10 +62,7 @@ class LitStretch:
     lit_share: float
     """Share of the stretch's length lit at more than a quarter of the amplitude."""
     dark_u: tuple[float | None, float | None]
-    """u of a short dark gap near end a, near end b; None where there is none.
-
-    The light beyond such a gap may be a star.
-    """
+    """u of a short dark gap near either end: the light beyond it may be a star."""
     reaches_rim: bool
     """True where the stretch runs into the cutout's edge: a larger cutout is needed."""
 

@@ -48,10 +48,8 @@ class StarList:
     snr: FloatArray
     is_saturated: BoolArray
     median_fwhm_px: float
-    """Median width of unsaturated stars, px; of trails, the width across.
-
-    With fewer than five such stars it comes from the source in ``width_source``.
-    """
+    """Median width of unsaturated stars, px; with fewer than five of them as ``width_source`` says;
+    of trails across."""
     trail: Trail | None = None
     """Trail of every star; None where they are points."""
     psf_field: PsfField | None = None

@@ -26,10 +26,8 @@ STAR_BLOCK_PX = 8
 """Side of the squares whose brightest places are candidates."""
 
 MIN_POINTS, MAX_POINTS = 5, 40
-"""Least and largest number of points in which ``on_one_line`` looks for a line.
-
-Fewer may be on a line by chance; among more, a streak's pieces are the smaller part.
-"""
+"""Limits of the number of points on one line: fewer may be chance; among more, a streak's pieces
+are the smaller part."""
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)

@@ -65,10 +65,8 @@ class Fading:
     """How gradually the light along a streak begins and ends, beyond the blur of a sharp cut."""
 
     shorter_px: float
-    """Length over which the light rises or falls, px, at the end where that is shorter.
-
-    From a fifth to seven tenths of the level between the ends.
-    """
+    """Length at the end where it is shorter, px, from a fifth to seven tenths of the level between
+    them."""
     longer_px: float
     length_px: float
     """Length from where the light begins to where it ends, px."""
@@ -86,10 +84,7 @@ class Modulation:
     depth: float
     """(most - least) / (most + least) of the mean period, 0 to 1, with the blur in it."""
     sharpness: float
-    """Amplitude of the first harmonic over the mean light, corrected for the blur.
-
-    At most 1 for a sine, up to 2 for short flashes.
-    """
+    """First harmonic over the mean, the blur undone: 1 at most for a sine, 2 for mere flashes."""
 
 
 def light_along(

@@ -60,10 +60,7 @@ class LineFit:
     covariance: FloatArray
     """(4, 4) of u_a, u_b, offset, slope; rows of an end outside the frame are 0."""
     excess: float
-    """Variance of a pixel that the streak's light adds, ADU^2 per ADU of that light.
-
-    From photons, and from a point-spread function that is not Gaussian.
-    """
+    """Variance that the source's own light adds, ADU^2 per ADU: photons, and a different PSF."""
     model: FloatArray
     """Model at every pixel, ADU, without the sky term."""
     hidden_variance: tuple[float, float] = (0.0, 0.0)

@@ -42,15 +42,10 @@ COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
     # Red stars are brighter to a camera without a filter than the catalogue has them.
     "no catalogue stars": {"star chain": 0.05},
 }
-"""Likelihood of a comparison's outcome for each class, over that of the likeliest class.
-
-1 for classes that are not listed.
-"""
+"""Likelihood of a comparison's outcome for each class, over that of the likeliest one."""
 SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
-"""Least probability to name a satellite, and to name another class.
-
-More is required for classes that start no track.
-"""
+"""Least probability to name a satellite, and to name another class: more is needed for those that
+start no track."""
 
 _SAME_WIDTH = 0.06
 """Relative scatter of a line's width against one star's beside it."""

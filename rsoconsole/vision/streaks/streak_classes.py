@@ -28,10 +28,8 @@ from rsoconsole.vision.streaks.class_probabilities import (
 MIN_CUT, MIN_WHOLE = 2, 3
 """Fewest lines of a train: 2 where the frame cuts at least two of them, 3 elsewhere."""
 SLOWEST_DEG_S = 0.05
-"""Least rate, deg/s, of the streaks of a train that are whole in the frame.
-
-Slower ones are neighbours in a geostationary slot, which always run alike.
-"""
+"""Least rate of a whole train, deg/s: slower ones are neighbours in a slot, which run alike for
+ever."""
 _PARALLEL_DEG, _SIGMAS = 1.0, 4.0
 _SAME_LENGTH = 0.15
 _LIGHTS_APART = 0.5

@@ -76,10 +76,8 @@ class StreakFit:
     snr: float
     """Matched signal to noise of the whole streak."""
     sigma_along_px: float
-    """One sigma of the midpoint along the streak, px; at least 100 px where clipped.
-
-    A clipped streak says nothing about its midpoint along itself.
-    """
+    """One sigma of the midpoint along, px; large where clipped, as nothing is known along it
+    then."""
     sigma_across_px: float
     is_clipped: bool
     is_crossing: bool = False

@@ -49,10 +49,7 @@ class LineSignal:
     """Signal to noise along a line, measured quickly to decide whether a fit is worth its time."""
 
     value: float
-    """Signal to noise of the light along the best line; single bright places count little.
-
-    The noise is that of plain sky.
-    """
+    """Signal to noise of light along the best line, limited; the noise is that of plain sky."""
     most: float
     """Largest ``value`` possible for a line of this length: bright all along."""
 

@@ -81,10 +81,7 @@ class Trace:
     beyond: float
     """Median light beyond an end over the mean light of the line, at the brighter end."""
     over_points: float
-    """Chi-square of a few stars in a row minus that of one line; positive: a line fits better.
-
-    0 for a line too long to compare.
-    """
+    """Chi-square that one line explains better than a few stars in a row; for a short one."""
 
 
 def trace_line(
