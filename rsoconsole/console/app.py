@@ -268,7 +268,11 @@ class ConsoleApp(App[str]):
         self.set_timer(AFTER_ESCAPE_S, partial(self.simulate_key, key))
 
     def action_help(self) -> None:
-        """Show the help; the first time the tour, unless a pane or mark has keys of its own."""
+        """Show the help: keys, signs and terms.
+
+        The first time it is the tour instead, unless the keys have another meaning now (in a pane,
+        or while marking).
+        """
         if isinstance(self.screen, HelpDialog | TourDialog):
             return
         has_own_keys = bool(MODE_WORDS[self._mode])

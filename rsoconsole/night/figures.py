@@ -192,7 +192,7 @@ class Summary(Quality):
 
 
 def summary_of(frames: Sequence[NightFrame]) -> Summary:
-    """Compute the lead track's figures of merit over a night's frames with a time, in order."""
+    """Compute the lead track's figures of merit; ``frames``: in order of time, all with a time."""
     locked = (n for n, f in enumerate(frames, 1) if any(c.after == "TRACK" for c in f.changes))
     return Summary(
         **asdict(quality_of(updates_of(frame.updated for frame in frames))),

@@ -49,7 +49,7 @@ frame."""
 
 
 def with_fewer_filters(before: Following) -> Following:
-    """Return the state, with fewer filters for tracks beside the lead if there are many."""
+    """Return the state; with more than ``MANY`` tracks all but the lead get a coarser bank."""
     if len(before.tracks) + len(before.dropped) <= MANY:
         return before
     lead, *others = before.tracks

@@ -52,7 +52,10 @@ class SearchRound:
         self._base, self._here, self.number = self._home, None, 0
 
     def start_where_lost(self, direction: Direction, t_utc_ns: int) -> None:
-        """Start a search around ``direction``, where a track was lost; listed targets follow."""
+        """Start a search around ``direction``, where a track was lost.
+
+        The configured targets are searched after that.
+        """
         self._base = search_base_at(self._site, *direction, t_utc_ns, comes_before_targets=True)
         self._here, self.number = None, 0
 

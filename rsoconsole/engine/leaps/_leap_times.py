@@ -349,9 +349,8 @@ class LeapTimes:
     def settle_s(self) -> float:
         """Return the time from the mount's arrival until an exposure may be ordered, s.
 
-        This is less than the settling time, because the shutter opens some time after the order.
-        The difference is ``exposure.start_latency_s`` at most: a camera clock that is ahead would
-        look like a late shutter.
+        It is the settling time less the shutter's latency, at least 0; at most
+        ``exposure.start_latency_s`` is taken off, because a camera clock that runs ahead makes the measured latency too long.
         """
         return max(self._given_s() - self._opens_s(), 0.0)
 

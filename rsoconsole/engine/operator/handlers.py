@@ -88,7 +88,7 @@ class LoopControl(Protocol):
         """Raise ValueError where dome, weather or daylight would end autonomy at once."""
 
     def expect_cloud(self) -> None:
-        """Raise ValueError where the sky is clear: a hold until it clears would end at once."""
+        """Raise ValueError under a clear sky, where "hold until clear" would end at once."""
 
     def park(self, by: str) -> None:
         """Disarm and send the mount to its park position.

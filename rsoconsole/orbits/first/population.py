@@ -148,10 +148,11 @@ def orbit_path_bend(
     direction_icrs_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Bend of the sky paths of all orbits through a direction with a rate; None: no orbit passes.
+    """Return mean (2,) and covariance (2, 2) of acceleration and curvature on the sky.
 
-    Mean (2,) and covariance (2, 2) of the change of speed (arcsec/s^2) and of the turn per length
-    of path (without unit). ``rate_arcsec_s``: east and north.
+    They are over the orbits that an object seen in this direction at this rate may have; None:
+    there is no such orbit. Acceleration along the path in arcsec/s^2, turn to the left in rad per rad of
+    path. ``rate_arcsec_s``: east and north.
     """
     ra = np.radians(direction_icrs_deg[0])
     towards = direction_to_unit(*direction_icrs_deg)

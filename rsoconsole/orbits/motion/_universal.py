@@ -135,7 +135,10 @@ def _stumpff_by_series(z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def higher_functions(chi: FloatArray, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Functions u4 and u5 of Battin, for slopes; ``chi`` must include all whole revolutions."""
+    """Return Battin's universal functions U4 and U5, for the partial derivatives of a state.
+
+    ``chi`` includes all whole revolutions.
+    """
     z = alpha * chi * chi
     c2, c3 = _stumpff(z)
     is_small = np.abs(z) < _HIGHER_SERIES_BELOW

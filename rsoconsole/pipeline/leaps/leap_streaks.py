@@ -81,7 +81,7 @@ def streaks_of(
 
 
 def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
-    """Return the uncertainty of times for frames of the same camera mode as this one."""
+    """Return how uncertain exposure times are (bias, scatter) in the camera mode of ``frame``."""
     shutter = shutter_time(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S

@@ -48,10 +48,10 @@ class VirtualClock:
         self._interrupted.set()
 
     async def advance(self, t_utc_ns: int, on_report: Callable[[], Awaitable[None]]) -> int:
-        """Let time pass until ``t_utc_ns`` (rounded up to whole microseconds).
+        """Advance to an instant and return the instant reached: an earlier one if interrupted.
 
-        ``on_report`` is awaited at every whole virtual second of a paced advance, and at the end.
-        Returns the instant reached: an earlier one after ``interrupt``, never one in the past.
+        ``t_utc_ns`` is rounded up to whole microseconds; one that is past leaves the clock where it
+        is. ``on_report`` is awaited at every whole virtual second of a paced advance, and at the end.
         """
         self._interrupted.clear()
         t_end_utc_ns = max(self._now_utc_ns, -(-t_utc_ns // US) * US)

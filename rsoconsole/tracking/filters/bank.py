@@ -380,7 +380,11 @@ def restarted(
 
 
 def coarse_bank(bank: Bank) -> Bank:
-    """Bank on the ``COARSE`` grid; each filter has the moments of those that it replaces."""
+    """Return the bank merged onto the ``COARSE`` grid; a coarse bank is returned as it is.
+
+    Each new filter has the summed weight, and the mixture's mean and covariance, of those merged
+    into it.
+    """
     if bank.grid is COARSE:
         return bank
     scale = _nearest(COARSE.variance_scales, bank.grid.variance_scales)

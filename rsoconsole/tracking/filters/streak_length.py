@@ -130,10 +130,11 @@ def along_error_arcsec(
 def with_part_error(
     measurement: Measurement, expected: Motion, before: Sequence[float]
 ) -> Measurement:
-    """Widen the covariance of a streak that shows only a part of its length.
+    """Widen, along the motion, the covariance of a streak shorter than ``expected``.
 
-    The part may lie anywhere in the full length. A streak of full length is returned unchanged.
-    ``before``: excesses of the track's earlier streaks, arcsec.
+    Which part of the motion it shows is not known; a streak of full length is returned unchanged.
+    ``before``: length minus expected length of the track's earlier streaks, arcsec; each short one
+    directly before this widens it further.
     """
     excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or excess >= -_PART_SHARE * length:
