@@ -350,7 +350,8 @@ class LeapTimes:
         """Return the time from the mount's arrival until an exposure may be ordered, s.
 
         It is the settling time less the shutter's latency, at least 0; at most
-        ``exposure.start_latency_s`` is taken off, because a camera clock that runs ahead makes the measured latency too long.
+        ``exposure.start_latency_s`` is taken off, because a camera clock that runs
+        ahead makes the measured latency too long.
         """
         return max(self._given_s() - self._opens_s(), 0.0)
 

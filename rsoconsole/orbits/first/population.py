@@ -151,8 +151,8 @@ def orbit_path_bend(
     """Return mean (2,) and covariance (2, 2) of acceleration and curvature on the sky.
 
     They are over the orbits that an object seen in this direction at this rate may have; None:
-    there is no such orbit. Acceleration along the path in arcsec/s^2, turn to the left in rad per rad of
-    path. ``rate_arcsec_s``: east and north.
+    there is no such orbit. Acceleration along the path in arcsec/s^2, turn to the left in rad
+    per rad of path. ``rate_arcsec_s``: east and north.
     """
     ra = np.radians(direction_icrs_deg[0])
     towards = direction_to_unit(*direction_icrs_deg)

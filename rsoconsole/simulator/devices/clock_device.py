@@ -51,7 +51,8 @@ class VirtualClock:
         """Advance to an instant and return the instant reached: an earlier one if interrupted.
 
         ``t_utc_ns`` is rounded up to whole microseconds; one that is past leaves the clock where it
-        is. ``on_report`` is awaited at every whole virtual second of a paced advance, and at the end.
+        is. ``on_report`` is awaited at every whole virtual second of a paced advance and at the
+        end.
         """
         self._interrupted.clear()
         t_end_utc_ns = max(self._now_utc_ns, -(-t_utc_ns // US) * US)
