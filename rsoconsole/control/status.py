@@ -164,7 +164,7 @@ class Status:
     state: str | None = None
     """State of the loop: IDLE, SEARCH, ACQUIRE, TRACK, COAST, LOST, MANUAL or FAULT."""
     holder: str | None = None
-    """Who holds control of the mount: autonomy, operator or nobody."""
+    """Holder of control of the mount: autonomy, operator or nobody."""
     is_held: bool = False
     """True where autonomy has control but the operator's hold stops its slews."""
     resumes_when_clear: bool = False

@@ -24,7 +24,7 @@ _CONSOLE = "console "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """Who sends a command: a name, and whether it is a console."""
+    """Sender of a command: its name, and whether it is a console."""
 
     name: str = "operator"
     kind: SenderKind = "script"

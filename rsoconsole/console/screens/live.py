@@ -155,7 +155,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     @property
     def alert(self) -> str:
-        """Who asks for control, and the alert, in words; empty: neither."""
+        """Request for control and the alert, in words; empty: neither."""
         give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
         asker = self.asker
         asked = f"{asker} asks for control: {give} gives it, {keep} keeps it" if asker else ""
