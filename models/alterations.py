@@ -141,7 +141,7 @@ def motion(canvas: Canvas, rng: np.random.Generator) -> FloatArray | None:
 def stands(path_px: FloatArray, canvas: Canvas) -> FloatArray:
     """Positions of an image that moves along this path (2, m), as ``FieldContent.stands``."""
     moved = ImageMotion(dx_px=path_px[0], dy_px=path_px[1], turn_rad=np.zeros(path_px.shape[1]))
-    return moved.stands(canvas.fwhm_px / FWHM_PER_SIGMA, 0.5 * canvas.diagonal_px)
+    return moved.positions_with_dwell(canvas.fwhm_px / FWHM_PER_SIGMA, 0.5 * canvas.diagonal_px)
 
 
 def crossings(canvas: Canvas, rng: np.random.Generator) -> list[Streak]:

@@ -88,7 +88,7 @@ def _moved(scene: Scene, dx: FloatArray, dy: FloatArray) -> Scene:
     motion = ImageMotion(dx_px=dx - dx.mean(), dy_px=dy - dy.mean(), turn_rad=np.zeros(len(dx)))
     sensor, content = scene.sensor, scene.content
     reach_px = 0.5 * math.hypot(sensor.width_px, sensor.height_px)
-    stands = motion.stands(content.fwhm_px / FWHM_PER_SIGMA, reach_px)
+    stands = motion.positions_with_dwell(content.fwhm_px / FWHM_PER_SIGMA, reach_px)
     return replace(scene, content=replace(content, stands=stands), motion=motion)
 
 

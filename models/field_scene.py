@@ -36,7 +36,7 @@ from models.light import log_uniform
 from models.satellites import Satellites
 from rsoconsole.records import MapMode
 from rsoconsole.simulator import FWHM_PER_SIGMA, FieldContent, SensorModel, Streak, render
-from rsoconsole.vision import find_pattern, make_map
+from rsoconsole.vision import find_row_column_pattern, make_map
 
 _SHARES = (0.62, 0.08, 0.11, 0.10, 0.06, 0.03)
 """Share of each of ``KINDS`` in the fields."""
@@ -149,7 +149,7 @@ def draw_field(
     content = replace(content, streaks=tuple(trails))
     pixels = render(sensor, content, rng)
     # As the detector does before it makes its map.
-    pattern = find_pattern(pixels)
+    pattern = find_row_column_pattern(pixels)
     values = make_map(pixels if pattern is None else pattern.removed(pixels), mode, block).values
     return Field(values=values, kind=kind, mode=mode, block=block, streaks=tuple(truth))
 

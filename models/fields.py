@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import MapMode
-from rsoconsole.vision import ByteArray, binning_of
+from rsoconsole.vision import ByteArray, bin_side_px
 
 FIELD_CELLS = 192
 Kind = Literal["ordinary", "empty", "trailed stars", "aircraft", "rays", "meteor"]
@@ -132,7 +132,7 @@ def is_asked_for(
     if visible_cells < SHORTEST_CELLS[block]:
         return False
     # Binning 2 x 2 raises a line's signal to noise by 1.75 at such seeing.
-    bin_snr = peak_snr * (1.75 if binning_of(block) == 2 else 1.0)
+    bin_snr = peak_snr * (1.75 if bin_side_px(block) == 2 else 1.0)
     if visible_cells < SHORT_CELLS:
         return bin_snr >= 5.0
     if integrated_snr >= FAINTEST_SNR and bin_snr >= _FAINTEST_BIN_SNR:

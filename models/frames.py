@@ -25,11 +25,11 @@ from rsoconsole.simulator import (
     FloatArray,
     Scene,
     SensorModel,
-    cloud_at,
     frame_rng,
     render,
     scenario_named,
     straight_streak,
+    transmission_at,
     vignetting,
 )
 from rsoconsole.sky import iso_to_utc_ns, tan_wcs
@@ -240,7 +240,7 @@ def electrons_per_px(
     before the cloud, so that the SNR is that of the light transmitted.
     """
     at = np.array([x_px]), np.array([y_px])
-    dimming = float(cloud_at(sensor, content.cloud_transmission, *at)[0])
+    dimming = float(transmission_at(sensor, content.cloud_transmission, *at)[0])
     flat = float(vignetting(sensor, *at)[0])
     noise_e = noise_electrons(sensor, content, x_px, y_px)
     return peak_snr * noise_e / (ridge_share(content.fwhm_px) * flat * max(dimming, 1e-3))
@@ -265,7 +265,7 @@ def noise_electrons(
     x = 0.5 * (sensor.width_px - 1) if x_px is None else x_px
     y = 0.5 * (sensor.height_px - 1) if y_px is None else y_px
     place: tuple[FloatArray, FloatArray] = np.array([x]), np.array([y])
-    clouds = 1.0 - float(cloud_at(sensor, content.cloud_transmission, *place)[0])
+    clouds = 1.0 - float(transmission_at(sensor, content.cloud_transmission, *place)[0])
     sky_e = content.sky_electrons_px * (1.0 + content.cloud_glow * clouds)
     along_x = content.sky_gradient[0] * ((x + 0.5) / sensor.width_px - 0.5)
     along_y = content.sky_gradient[1] * ((y + 0.5) / sensor.height_px - 0.5)

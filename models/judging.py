@@ -13,7 +13,7 @@ from typing import Any, TypedDict
 from models.frames import Kind, TrueFrame, TrueTrail
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Detection, Detections
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision import (
     Candidate,
     ConfidenceCurve,
@@ -26,7 +26,7 @@ from rsoconsole.vision import (
     StreakDetector,
     WorkingFrame,
     confidence_features,
-    to_original,
+    detection_in_original_pixels,
 )
 from rsoconsole.words import text
 
@@ -95,7 +95,7 @@ class Judge:
         """Analyse one frame and compare the result with its truth."""
         analysis = self._detector.analyse(true.frame, tau=0.0)
         found, working = analysis.detections, analysis.working
-        placed = [working.original(each.found) for each in analysis.candidates]
+        placed = [working.original_detection(each.found) for each in analysis.candidates]
         # Where stars are wide so is a trail.
         width_px = analysis.focus.fwhm_px * analysis.focus.joined
         within_px = max(ON_TRAIL_PX, _ON_TRAIL_WIDTHS * width_px)
@@ -162,7 +162,7 @@ def features_of(row: FrameRow) -> list[tuple[float, ...]]:
 def confidences_of(row: FrameRow, curve: ConfidenceCurve) -> list[float]:
     """Confidence of each of the frame's candidates, by the product's code with this curve."""
     measured = [candidate_of(each) for each in row["candidates"]]
-    return [each.found.confidence for each in curve.judged(measured, focus_of(row))]
+    return [each.found.confidence for each in curve.with_curve_confidences(measured, focus_of(row))]
 
 
 def focus_of(row: FrameRow) -> PointImage:
@@ -191,7 +191,7 @@ def measured_of(row: CandidateRow, focus: dict[str, Any]) -> Detection:
 
     It has the network's own confidence. ``focus``: the frame's, from its row.
     """
-    return to_original(candidate_of(row).found, int(focus["joined"]))
+    return detection_in_original_pixels(candidate_of(row).found, int(focus["joined"]))
 
 
 def trail_of(
@@ -224,7 +224,7 @@ def _is_on(detection: Detection, trail: TrueTrail, within_px: float) -> bool:
 
 
 def _is_box_on(box: NetworkBox, trail: TrueTrail, working: WorkingFrame) -> bool:
-    x, y = (working.px(place) for place in box.middle_px)
+    x, y = (working.to_original_px(place) for place in box.middle_px)
     dx, dy = trail.x_b_px - trail.x_a_px, trail.y_b_px - trail.y_a_px
     return _lies(
         (x, y, box.angle_deg, box.length_px * working.side),
@@ -241,7 +241,7 @@ def _lies(
     """Middle x, y, direction (deg) and length of a candidate and of the truth."""
     x, y, angle_deg, length_px = one
     true_x, true_y, true_deg, true_px = true
-    turn = turn_deg(angle_deg, true_deg)
+    turn = line_angle_deg(angle_deg, true_deg)
     if turn > 10.0 + math.degrees(within_px / max(min(length_px, true_px), 1.0)):
         return False
     cos, sin = math.cos(math.radians(true_deg)), math.sin(math.radians(true_deg))

@@ -24,11 +24,11 @@ from rsoconsole.simulator import (
     FieldContent,
     SensorModel,
     add_sources,
-    smear,
+    image_motion_kernel,
     straight_streak,
     streak_points,
 )
-from rsoconsole.vision import find_pattern, local_background, make_map
+from rsoconsole.vision import find_row_column_pattern, local_background, make_map
 
 _BLOCKS = (2, 4)
 _ZOOM = (0.8, 1.6)
@@ -91,7 +91,7 @@ def draw_on(plane: Plane, rng: np.random.Generator, conditions: Conditions | Non
         image_e = image_e + light_e
         truth += seen
     pixels = (np.minimum(image_e, sky.full_e) / sky.e_per_adu).astype(np.float32)
-    pattern = find_pattern(pixels)
+    pattern = find_row_column_pattern(pixels)
     values = make_map(pixels if pattern is None else pattern.removed(pixels), mode, block).values
     return Field(values=values, kind=kind, mode=mode, block=block, streaks=tuple(truth))
 
@@ -215,7 +215,7 @@ def _moved(crop: _Crop, block: int, rng: np.random.Generator) -> tuple[_Crop, Fl
     path_px = alterations.motion(canvas, rng)
     if path_px is None:
         return crop, None
-    kernel = smear(alterations.stands(path_px, canvas))
+    kernel = image_motion_kernel(alterations.stands(path_px, canvas))
     # OpenCV correlates: turned by half a circle it convolves.
     border = cv2.BORDER_REFLECT_101
     pixels = cv2.filter2D(crop.pixels, -1, kernel[::-1, ::-1], borderType=border)

@@ -29,8 +29,8 @@ from rsoconsole.simulator import (
     SensorModel,
     Streak,
     amplifier_glow,
-    cloud_at,
     straight_streak,
+    transmission_at,
 )
 
 Segment = tuple[float, float, float, float]
@@ -258,7 +258,7 @@ class Satellites:
         share = np.linspace(0.0, 1.0, 9)
         x_px = (seen[0] + share * (seen[2] - seen[0])) * self.block - 0.5
         y_px = (seen[1] + share * (seen[3] - seen[1])) * self.block - 0.5
-        through = cloud_at(self.sensor, self.content.cloud_transmission, x_px, y_px)
+        through = transmission_at(self.sensor, self.content.cloud_transmission, x_px, y_px)
         return float(through.mean()) / self._noise_by_glow(x_px, y_px)
 
     def _noise_by_glow(self, x_px: FloatArray, y_px: FloatArray) -> float:

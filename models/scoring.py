@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from models.fields import Field, TrueStreak
-from rsoconsole.vision import ByteArray, MapStreak, decode, keep_distinct
+from rsoconsole.vision import ByteArray, MapStreak, decode_candidates, keep_distinct
 
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]
@@ -89,7 +89,7 @@ def score(fields: Iterable[Field], answer: Answer, lowest_logit: float = -2.0) -
     true_logits, snrs, lengths, errors = [], [], [], []
     false_logits, kinds, cells = [], [], 0
     for field in fields:
-        found = keep_distinct(decode(answer(field.values), lowest_logit))
+        found = keep_distinct(decode_candidates(answer(field.values), lowest_logit))
         cells += field.values.size
         free = list(found)
         for true in sorted(field.streaks, key=lambda s: -s.peak_snr):

@@ -5,7 +5,7 @@
 
 from pathlib import Path
 
-from rsoconsole.config import limits_of
+from rsoconsole.config import allowed_words
 from rsoconsole.simulator import (
     LAWS,
     SettingDistribution,
@@ -35,7 +35,7 @@ def settings_table() -> str:
         default = setting.json_schema_extra["own"]
         if setting.default is not None:
             default = value_to_toml(setting.default)
-        cells = (f"`{key}`", unit_of(setting) or "-", default, limits_of(setting) or "-")
+        cells = (f"`{key}`", unit_of(setting) or "-", default, allowed_words(setting) or "-")
         law = laws.get(name, "-")
         lines.append(f"| {' | '.join(cells)} | {setting.description} | {law} |")
     return "\n".join(lines[1:]) + "\n"

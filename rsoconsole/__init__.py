@@ -1,7 +1,7 @@
 """Find and follow satellites that nobody told you about.
 
-``import rsoconsole as rso``: what is here for scripts and notebooks is listed in
-``__init__.pyi`` and read when it is asked for; the verbs need none of it.
+``import rsoconsole as rso``: ``__init__.pyi`` lists the names for scripts and notebooks, each
+imported on first use; the command line needs none of them.
 """
 
 from lazy_loader import attach_stub

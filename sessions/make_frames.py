@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from astropy.io import fits
 
-from rsoconsole.cli.demo.demo import config_in, demo_config
-from rsoconsole.cli.demo.demo_night import Night, run_night
+from rsoconsole.cli.demo.demo import config_for_world, demo_config
+from rsoconsole.cli.demo.demo_night import SimulatedNight, run_night
 from rsoconsole.simulator import scenario_named, world_from
 
 FRAMES = Path(__file__).parent / "frames"
@@ -33,10 +33,15 @@ def record(folder: Path) -> None:
         scenario_named(SCENARIO).site, preset="adaptive", keep_frames="all", catalogue=[]
     )
     world = world_from(WORLD)
-    night = Night(
-        scenario=SCENARIO, seed=SEED, speed=0.0, frames=TAKEN, session=folder, world=world.named()
+    night = SimulatedNight(
+        scenario=SCENARIO,
+        seed=SEED,
+        speed=0.0,
+        frames=TAKEN,
+        session=folder,
+        world=world.non_default_settings(),
     )
-    run_night(config_in(world, config), night)
+    run_night(config_for_world(world, config), night)
 
 
 def cut(source: Path, target: Path) -> None:

@@ -30,14 +30,16 @@ MAX_S = 300.0
 async def taken(frames: int, session: Path) -> str:
     """The screen as SVG, when a number of frames of the demo have been followed."""
     from rsoconsole.cli.demo.demo import demo_config
-    from rsoconsole.cli.demo.demo_night import Night, NightProcess
+    from rsoconsole.cli.demo.demo_night import NightProcess, SimulatedNight
     from rsoconsole.console.app import ConsoleApp
     from rsoconsole.control import ControlClient, Sender, Shutdown
     from rsoconsole.simulator import scenario_named
 
     scenario = scenario_named("intelsat-14")
     config = demo_config(scenario.site, preset="tuned", keep_frames="none")
-    night = Night(scenario=scenario.name, seed=1, speed=SPEED, frames=None, session=session)
+    night = SimulatedNight(
+        scenario=scenario.name, seed=1, speed=SPEED, frames=None, session=session
+    )
     process = NightProcess(config, night)
     app = ConsoleApp(lambda: ControlClient(process.socket, sender=Sender(name="console picture")))
     try:
@@ -52,7 +54,7 @@ async def taken(frames: int, session: Path) -> str:
             return app.export_screenshot(title="rsoconsole")
     finally:
         ControlClient(process.socket, sender=Sender(name="picture")).send(Shutdown())
-        process.figures()
+        process.wait_for_figures()
 
 
 def draw_pair(session: Path, frame_id: int) -> None:

@@ -20,8 +20,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from rsoconsole.cli.demo.demo import config_in, demo_config
-from rsoconsole.cli.demo.demo_night import Night, run_night
+from rsoconsole.cli.demo.demo import config_for_world, demo_config
+from rsoconsole.cli.demo.demo_night import SimulatedNight, run_night
 from rsoconsole.control import (
     Accept,
     Command,
@@ -134,13 +134,18 @@ def record(folder: Path) -> None:
         keep_frames="all",
         catalogue=[elements_path()],
     )
-    night = Night(
-        scenario=SCENARIO, seed=SEED, speed=0.0, frames=FRAMES, session=folder, world=world.named()
+    night = SimulatedNight(
+        scenario=SCENARIO,
+        seed=SEED,
+        speed=0.0,
+        frames=FRAMES,
+        session=folder,
+        world=world.non_default_settings(),
     )
     operator = Operator()
     with operator.watching():
         figures = run_night(
-            config_in(world, config),
+            config_for_world(world, config),
             night,
             on_cycle=operator.on_cycle,
             on_start=lambda _folder, socket: operator.sit_down(socket),

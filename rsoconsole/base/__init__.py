@@ -1,4 +1,4 @@
-"""The lowest package: errors with their remedies, durable files, foreign text."""
+"""The lowest package: errors with remedies, durable writing, limited reading of files."""
 
 from lazy_loader import attach_stub
 

@@ -60,7 +60,7 @@ class ChildProcess:
     def end(self, grace_s: float = 0.0) -> int | None:
         """End the process: close its socket, wait ``grace_s`` for it to exit, then kill it.
 
-        0: kill it at once. Returns its exit status, None where there was no process.
+        ``grace_s`` 0: kill it at once. Returns the exit status; None where there was no process.
         """
         process, connection = self._process, self._connection
         self._process = self._connection = None

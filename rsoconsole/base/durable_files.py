@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 
 PART = ".part"
-"""Suffix of the name of a file that is still being written."""
 _POLL_S = 0.05
 
 

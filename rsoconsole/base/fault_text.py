@@ -35,10 +35,10 @@ def plain_fault(message: str) -> str:
     return message.strip().rstrip(".")
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that was probably meant; None where no name is similar.
+def nearest_name(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name most like ``name``; None where no name is similar.
 
-    Of a dotted name the last part alone is recognised, too.
+    The last part of a dotted known name is compared too.
     """
     names = list(known)
     same_end = [each for each in names if each.rpartition(".")[2] == name.lower()]

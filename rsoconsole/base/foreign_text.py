@@ -18,10 +18,10 @@ MAX_DATA_BYTES = 256 << 20
 TOO_DEEP = "its brackets are nested too deeply"
 
 
-def read_foreign(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str = "utf-8") -> str:
-    """Return the text of a plain file of at most ``most_bytes``.
+def read_foreign_text(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str = "utf-8") -> str:
+    """Return the text of a regular file of at most ``most_bytes``.
 
-    Raises OSError (also for what is no plain file, and for what is larger) and UnicodeDecodeError.
+    Raises OSError, also where the file is not regular or is larger, and UnicodeDecodeError.
     """
     # A pipe that nobody writes to would be waited for already when it is opened.
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
@@ -34,16 +34,16 @@ def read_foreign(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str = "ut
     return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
 
 
-def read_private(path: Path, fault: type[Exception], remedy: str) -> list[str]:
-    """Return the lines of a file that only its owner may read, without empty ones.
+def read_private_lines(path: Path, fault: type[Exception], remedy: str) -> list[str]:
+    """Return the non-empty lines, stripped, of a file that only its owner may read.
 
-    Raises ``fault`` where others may read the file or where it cannot be read, with ``remedy`` in
-    the message and nothing of the file's content.
+    Raises ``fault`` where others may read the file, and with ``remedy`` in the message where it
+    cannot be read. The message holds nothing of the file's content.
     """
     try:
         if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             raise fault(f"{path} can be read by others: 'chmod 600 {path}' first")
-        lines = [line.strip() for line in read_foreign(path).splitlines()]
+        lines = [line.strip() for line in read_foreign_text(path).splitlines()]
     except (OSError, UnicodeDecodeError) as error:
         raise fault(f"{path} cannot be read ({type(error).__name__}): {remedy}") from error
     return [line for line in lines if line]
@@ -55,14 +55,14 @@ def read_named_file(path: Path, fault: type[Exception], absent: str) -> str:
     Raises ``fault`` where it cannot be read; ``absent``: remedy in the message for a missing file.
     """
     try:
-        return read_foreign(path, most_bytes=MAX_DATA_BYTES)
+        return read_foreign_text(path, most_bytes=MAX_DATA_BYTES)
     except FileNotFoundError as error:
         raise fault(f"{path} does not exist: {absent}") from error
     except (OSError, UnicodeDecodeError) as error:
         raise fault(f"{path} cannot be read: {error}") from error
 
 
-def json_of(text: str | bytes) -> Any:
+def parse_json(text: str | bytes) -> Any:
     """Parse JSON. Raises ValueError, also for JSON that is nested too deeply."""
     try:
         return json.loads(text)
@@ -70,7 +70,7 @@ def json_of(text: str | bytes) -> Any:
         raise ValueError(TOO_DEEP) from error
 
 
-def toml_of(text: str) -> dict[str, Any]:
+def parse_toml(text: str) -> dict[str, Any]:
     """Parse TOML. Raises ValueError, also for TOML that is nested too deeply."""
     try:
         return tomllib.loads(text)

@@ -1,7 +1,6 @@
 """An INDI server's default port, and the option by which INDI's own tools accept another one."""
 
 INDI_PORT = 7624
-"""Default port of an INDI server."""
 
 
 def indi_port_option(port: int) -> str:

@@ -6,8 +6,8 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _SAMPLE = "intelsat-14"
 
 
-def resource(*parts: str) -> Path:
-    """Return the path of a file shipped in the package, as ``resource("sky", "data", "x.fits")``.
+def resource_path(*parts: str) -> Path:
+    """Return the path of a file of the package, as ``resource_path("sky", "data", "x.fits")``.
 
     Raises FileNotFoundError when the installation lacks it.
     """
@@ -17,11 +17,11 @@ def resource(*parts: str) -> Path:
     return path
 
 
-def model_resource(name: str) -> Path:
+def model_file_path(name: str) -> Path:
     """Return the path of a file of the trained network.
 
-    In the wheel, or in ``models/`` of a checkout: hatch's force-include does nothing in an editable
-    install.
+    It lies in the wheel, or in ``models/`` of a checkout: an editable install ignores hatch's
+    force-include. Raises FileNotFoundError.
     """
     for folder in (_PACKAGE / "_models", _PACKAGE.parent / "models"):
         if (folder / name).exists():
@@ -29,7 +29,7 @@ def model_resource(name: str) -> Path:
     raise FileNotFoundError(f"the network {name} is missing: reinstall rsoconsole")
 
 
-def sample_resource() -> Path:
+def sample_session_folder() -> Path:
     """Return the folder of the sample session, in the wheel or in ``sessions/`` of a checkout."""
     for folder in (_PACKAGE / "_sessions", _PACKAGE.parent / "sessions"):
         if (folder / _SAMPLE / "session.db").exists():

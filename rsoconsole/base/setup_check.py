@@ -35,16 +35,14 @@ class Machine:
     machine: str
     """Architecture as ``uname -m`` gives it; a 64-bit kernel may carry a 32-bit system."""
     is_64_bit: bool
-    """True for a 64-bit Python, and hence a 64-bit system."""
     is_glibc: bool
     has_venv: bool
     header_fault: str
-    """Reason why nothing that includes Python.h can be compiled; empty where it can or need not
-    be."""
+    """Reason why code that includes Python.h cannot be compiled; empty: it can or need not be."""
     free_mb: int
 
 
-def faults(machine: Machine) -> "list[str]":
+def installation_faults(machine: Machine) -> "list[str]":
     """Return every fault that prevents an installation on this machine, each with its remedy."""
     if not machine.is_64_bit or machine.machine not in MACHINES or not machine.is_glibc:
         kind = f"{64 if machine.is_64_bit else 32}-bit system on {machine.machine}"
@@ -72,8 +70,8 @@ def faults(machine: Machine) -> "list[str]":
     return found
 
 
-def read_machine(folder: Path) -> Machine:
-    """Return what is true of this machine; ``folder``: where the virtual environment will lie."""
+def probe_machine(folder: Path) -> Machine:
+    """Return this machine's facts for an installation into ``folder`` (virtual environment)."""
     machine = platform.machine()
     is_glibc = platform.libc_ver()[0] == "glibc"
     python = (sys.version_info[0], sys.version_info[1])
@@ -83,17 +81,17 @@ def read_machine(folder: Path) -> Machine:
         is_64_bit=sys.maxsize > 2**32,
         is_glibc=is_glibc,
         has_venv=all(importlib.util.find_spec(name) for name in ("venv", "ensurepip")),
-        header_fault=header_fault() if is_compiled(python, machine) else "",
+        header_fault=python_header_fault() if must_compile_astrometry(python, machine) else "",
         free_mb=shutil.disk_usage(folder).free // 1_000_000,
     )
 
 
-def is_compiled(python: "tuple[int, int]", machine: str) -> bool:
+def must_compile_astrometry(python: "tuple[int, int]", machine: str) -> bool:
     """True where pip must compile ``astrometry``, as PyPI has no wheel for this machine."""
     return machine != "x86_64" or python not in WHEEL_PYTHONS
 
 
-def header_fault() -> str:
+def python_header_fault() -> str:
     """Return why C code that includes Python.h does not compile here; empty where it does."""
     compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
@@ -127,13 +125,13 @@ def main() -> int:
 
     Every fault is printed on stderr.
     """
-    machine = read_machine(Path.cwd())
-    found = faults(machine)
+    machine = probe_machine(Path.cwd())
+    found = installation_faults(machine)
     for fault in found:
         print(f"rsoconsole cannot be installed here yet: {fault}", file=sys.stderr)
     if found:
         return 1
-    if is_compiled(machine.python, machine.machine):
+    if must_compile_astrometry(machine.python, machine.machine):
         print("'astrometry' is compiled on this machine: pip is silent for some minutes")
     return 0
 

@@ -1,7 +1,7 @@
 """Log lines about long waits: for a process, a device, a server.
 
 Code that waits makes a ``LongWait`` and calls ``look`` now and then; code that starts the program
-shows the lines with ``waits_reported_to``. Every line is in the log, too.
+shows the lines with ``report_waits_to``. Every line is in the log, too.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ class LongWait:
         """Time since the wait began, s."""
         return self._now_s() - self._began_s
 
-    def look(self) -> None:
+    def log_if_due(self) -> None:
         """Log the wait where a line is due; to be called repeatedly while waiting."""
         now_s = self._now_s()
         if now_s >= self._next_s:
@@ -39,7 +39,7 @@ class LongWait:
 
 
 @contextlib.contextmanager
-def waits_reported_to(listener: Callable[[str], None]) -> Iterator[None]:
+def report_waits_to(listener: Callable[[str], None]) -> Iterator[None]:
     """Context in which ``listener`` is called with each line, on the thread that waits."""
     handler = _Listening(listener)
     level = log.level

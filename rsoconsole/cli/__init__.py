@@ -1,4 +1,4 @@
-"""The command line: its verbs alone, which call the packages below."""
+"""The command line: verbs that call the packages of lower layers."""
 
 import os
 

@@ -32,7 +32,7 @@ from rsoconsole.cli.words import output
 from rsoconsole.cli.words.usage import (
     USAGE_EXIT,
     UsageError,
-    help_of,
+    no_arguments_help,
     unwrap_help_texts,
     usage_line,
 )
@@ -57,7 +57,7 @@ def _add(*verbs: Callable[..., None]) -> None:
 
 
 _add(demo.demo, telescope.console, review.review, telescope.engine, telescope.status)
-order.register(app)
+order.add_command_verbs(app)
 # A negative declination is an argument, no option.
 app.command(context_settings={"ignore_unknown_options": True})(go_to.goto)
 _add(telescope.stop, frames.process, frames.detect, frames.solve)
@@ -102,7 +102,7 @@ def main() -> None:
     try:
         sys.exit(app(standalone_mode=False, prog_name=APP))
     except UsageError as error:
-        if (words := help_of(error)) is None:
+        if (words := no_arguments_help(error)) is None:
             output.print_to_stderr(usage_line(error))
         else:
             print(words, end="", file=sys.stderr)  # the program's own

@@ -13,7 +13,7 @@ import typer
 from typer.main import get_command
 
 from rsoconsole import __version__
-from rsoconsole.base import resource
+from rsoconsole.base import resource_path
 from rsoconsole.cli.app import app
 from rsoconsole.cli.words.usage import OWN_LINE
 from rsoconsole.config import APP
@@ -23,7 +23,7 @@ WIDTH = 70
 _KINDS = re.compile(r"<(?:list\[)?(\w+)(?:\]| range)?>")
 
 
-def text() -> str:
+def manual_page_source() -> str:
     """Source of this program's manual page."""
     program: Any = get_command(app)
     context = typer.Context(program, info_name=APP)
@@ -32,7 +32,7 @@ def text() -> str:
         for command, inner in _commands(program, context)
         for line in _command_lines(command, inner)
     ]
-    page = resource("cli", "guide", "rsoconsole.in.1").read_text(encoding="utf-8")
+    page = resource_path("cli", "guide", "rsoconsole.in.1").read_text(encoding="utf-8")
     return page.replace("@VERSION@", f"{APP} {__version__}").replace(
         "@COMMANDS@", "\n".join(commands)
     )
@@ -98,4 +98,4 @@ def _quoted(text: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(text(), encoding="utf-8")
+    PAGE.write_text(manual_page_source(), encoding="utf-8")

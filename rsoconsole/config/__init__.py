@@ -1,4 +1,4 @@
-"""The configuration: every setting with its limits and words, files of them, changes to them."""
+"""The configuration: settings with limits and descriptions, its files, changes to it."""
 
 from lazy_loader import attach_stub
 

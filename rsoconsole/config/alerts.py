@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 from pydantic import Field, field_serializer, field_validator
 
 from rsoconsole.config.observatory import Section
-from rsoconsole.config.source_names import expect_url
+from rsoconsole.config.source_names import expect_web_address
 
 AlertKind: TypeAlias = Literal[
     "lock", "identification", "loss", "clouds", "limit", "fault", "dawn", "done"
@@ -18,7 +18,7 @@ _SERVICE = re.compile(r"([a-zA-Z][a-zA-Z0-9+.-]*)://\S+")
 
 
 class AlertsConfig(Section):
-    """Messages to the operator's telephone; a process of their own sends them."""
+    """Messages to the operator's telephone, sent by a separate process."""
 
     services: tuple[str, ...] = Field(
         (),
@@ -43,15 +43,15 @@ class AlertsConfig(Section):
     heartbeat_s: float = Field(300.0, ge=1, le=86400, description="from call to call")
 
     @property
-    def is_wanted(self) -> bool:
-        """Whether anything is to be sent or called."""
+    def is_configured(self) -> bool:
+        """True where a service or a heartbeat is configured."""
         return bool(self.services or self.services_file or self.heartbeat_url)
 
     @field_validator("services")
     @classmethod
     def _services_are_addresses(cls, urls: tuple[str, ...]) -> tuple[str, ...]:
         for url in urls:
-            expect_service(url)
+            expect_service_url(url)
         return urls
 
     @field_validator("heartbeat_url")
@@ -59,7 +59,7 @@ class AlertsConfig(Section):
     def _heartbeat_is_an_address(cls, url: str) -> str:
         if url:
             try:
-                expect_url(url)
+                expect_web_address(url)
             except ValueError:
                 raise ValueError("heartbeat_url is no address: write https://...") from None
         return url
@@ -67,7 +67,7 @@ class AlertsConfig(Section):
     @field_serializer("services", when_used="json")
     def _services_without_secrets(self, urls: tuple[str, ...]) -> list[str]:
         """As sessions, logs and 'config show' carry them."""
-        return [f"{scheme_of(url)}://..." for url in urls]
+        return [f"{service_scheme(url)}://..." for url in urls]
 
     @field_serializer("heartbeat_url", when_used="json")
     def _heartbeat_without_secrets(self, url: str) -> str:
@@ -77,12 +77,12 @@ class AlertsConfig(Section):
         return f"{parts.scheme}://{parts.hostname}/..."
 
 
-def expect_service(url: str) -> None:
-    """Raises ValueError where that is no service's address; what it says holds nothing of it."""
+def expect_service_url(url: str) -> None:
+    """Raise ValueError where ``url`` is no service's address; the message never quotes it."""
     if not _SERVICE.fullmatch(url):
         raise ValueError("a service is an address of apprise, such as ntfy://TOPIC")
 
 
-def scheme_of(url: str) -> str:
-    """The service of an address: its scheme, the only part that is no secret."""
+def service_scheme(url: str) -> str:
+    """Return the scheme of a service's address, the only part that is not secret."""
     return url.partition(":")[0].lower()

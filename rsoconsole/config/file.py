@@ -1,4 +1,4 @@
-"""The configuration as a file: written, shown with where each value came from, checked."""
+"""The configuration as a file: writing it, the origin of each value, its faults."""
 
 import difflib
 import json
@@ -18,10 +18,10 @@ from tomlkit.items import AoT, Comment, Item, Key, Table, Whitespace
 
 from rsoconsole.base import (
     ConfigError,
+    parse_toml,
     plain_fault,
-    read_foreign,
+    read_foreign_text,
     system_errors_as,
-    toml_of,
     write_durably,
 )
 from rsoconsole.config.observatory import CalibrationConfig
@@ -32,7 +32,7 @@ from rsoconsole.config.settings import (
     default_config_path,
     every_setting,
     load_config,
-    sections_of,
+    section_classes,
 )
 
 Origin = Literal["default", "file", "environment", "command line"]
@@ -48,7 +48,7 @@ _SIGNS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """One value in force, and where it came from."""
+    """One setting in force: its value and the origin of the value."""
 
     name: str
     """Dotted, e.g. ``detector.tau``."""
@@ -65,8 +65,7 @@ class ConfigFault:
     """One thing that is wrong with a configuration."""
 
     name: str
-    """Dotted name of the setting, or the environment's variable that gives it; empty when the file
-    as a whole is meant."""
+    """Dotted name of the setting, or of its environment variable; empty: the file as a whole."""
     problem: str
     remedy: str
 
@@ -92,11 +91,13 @@ def initial_config_text() -> str:
         "# Configuration of rsoconsole. Every line shows a default: take away the '#' before a",
         "# setting to change it. 'rsoconsole config check' tells whether the file is sound.",
     ]
-    for section_name, section in sections_of(Config).items():
+    for section_name, section in section_classes(Config).items():
         lines += ["", f"# {(section.__doc__ or '').strip()}", f"[{section_name}]"]
         defaults = section().model_dump(mode="json")
         for key, info in section.model_fields.items():
-            explanation = "; ".join(part for part in (info.description, limits_of(info)) if part)
+            explanation = "; ".join(
+                part for part in (info.description, allowed_words(info)) if part
+            )
             if explanation:
                 lines.append(f"# {explanation}")
             default = defaults[key]
@@ -107,9 +108,9 @@ def initial_config_text() -> str:
 
 
 def write_initial_config(path: Path | None = None, *, force: bool = False) -> Path:
-    """Write ``initial_config_text`` to its place and return that.
+    """Write ``initial_config_text`` to ``path`` (None: the default path); return the path.
 
-    Raises ConfigError when there is a file already and ``force`` is not given, or when the place
+    Raises ConfigError when there is a file already and ``force`` is not given, or when the file
     cannot be written.
     """
     target = path or default_config_path()
@@ -187,7 +188,7 @@ def _contradictions(config: Config) -> Iterator[ConfigFault]:
 
 
 def _calibration_faults(calibration: CalibrationConfig) -> Iterator[ConfigFault]:
-    for name, path in calibration.files:
+    for name, path in calibration.master_files:
         if not path.is_file():
             problem = "is no file" if path.exists() else "does not exist"
             yield ConfigFault(
@@ -217,7 +218,7 @@ def _fault(found: Mapping[str, Any], variables: Mapping[str, str]) -> ConfigFaul
     given = found.get("input")
     shown_name = variables.get(name, name)
     info = _field(place)
-    remedy = f"allowed: {limits_of(info)}" if info is not None and limits_of(info) else ""
+    remedy = f"allowed: {allowed_words(info)}" if info is not None and allowed_words(info) else ""
     if info is not None:
         default = info.get_default(call_default_factory=True)
         remedy += ("; " if remedy else "") + f"the default is {default}"
@@ -230,11 +231,11 @@ def _fault(found: Mapping[str, Any], variables: Mapping[str, str]) -> ConfigFaul
 
 
 def _field(place: list[str]) -> FieldInfo | None:
-    section = sections_of(Config).get(place[0]) if len(place) > 1 else None
+    section = section_classes(Config).get(place[0]) if len(place) > 1 else None
     return None if section is None else section.model_fields.get(place[1])
 
 
-def limits_of(info: FieldInfo) -> str:
+def allowed_words(info: FieldInfo) -> str:
     """The allowed values in words, e.g. ``> 0, < 1`` or ``one of "fast", "paper"``."""
     if get_origin(info.annotation) is Literal:
         return "one of " + ", ".join(json.dumps(choice) for choice in get_args(info.annotation))
@@ -247,9 +248,9 @@ def limits_of(info: FieldInfo) -> str:
 
 
 def toml_value(value: Any) -> str:
-    """One value as TOML, a day included. JSON's forms are TOML's, but for the character DEL.
+    """Return one value, which may be a date, as TOML.
 
-    Raises TypeError for what TOML cannot carry.
+    Raises TypeError for a type that TOML does not have.
     """
     if isinstance(value, date):
         return value.isoformat()
@@ -273,18 +274,19 @@ _Body = list[tuple[Key | None, Item]]
 
 
 def write_settings(path: Path, settings: Mapping[str, Any], *, is_secret: bool = False) -> None:
-    """Set ``settings``, by dotted names such as ``catalogue.gate_deg``, in a configuration file.
+    """Set settings, by dotted names such as ``catalogue.gate_deg``, in a configuration file.
 
-    A value is what TOML carries; a sequence of mappings becomes ``[[section.key]]`` blocks at the
-    end of the file, in place of those that are there; None takes a setting away. A file that is not
-    there is made, with every setting commented, for its owner alone. ``is_secret``: one that is
-    there is its owner's alone from now on, too. Raises ConfigError where the file cannot be read,
-    edited or written, and where the result is no sound configuration; it is as it was then.
+    Values are of types that TOML has; None removes a setting. A sequence of mappings becomes
+    ``[[section.key]]`` blocks at the end of the file, which replace the existing ones. A missing
+    file is made, with every setting as a comment, readable by its owner alone. ``is_secret``:
+    make an existing file readable by its owner alone too. Raises ConfigError, with the file
+    unchanged, where it cannot be read, edited or written, and where the result would be no valid
+    configuration.
     """
     try:
-        before = read_foreign(path) if path.exists() else initial_config_text()
-        after = with_settings(before, settings)
-        Config.model_validate(toml_of(after))
+        before = read_foreign_text(path) if path.exists() else initial_config_text()
+        after = toml_text_with_settings(before, settings)
+        Config.model_validate(parse_toml(after))
     except ValidationError as error:
         fault = error.errors()[0]
         what = f"{'.'.join(map(str, fault['loc']))}: {plain_fault(fault['msg'])}"
@@ -309,13 +311,13 @@ def _replace(path: Path, text: str, *, is_secret: bool) -> None:
     write_durably(target, content, mode)
 
 
-def with_settings(text: str, settings: Mapping[str, Any]) -> str:
-    """The text of a TOML file with these settings; see ``write_settings``.
+def toml_text_with_settings(text: str, settings: Mapping[str, Any]) -> str:
+    """Return the text of a TOML file with these settings changed; see ``write_settings``.
 
-    Raises ValueError where it is no TOML, and where a setting stands in a form that this cannot
-    change.
+    Raises ValueError where the text is no TOML, and where a setting stands in a form that this
+    function cannot change.
     """
-    wanted = toml_of(text)
+    wanted = parse_toml(text)
     text = text.rstrip() + "\n"
     for name, value in settings.items():
         section, _, key = name.partition(".")
@@ -324,12 +326,12 @@ def with_settings(text: str, settings: Mapping[str, Any]) -> str:
             raise ValueError(f"{section} is no section")
         table.pop(key, None)
         if value is not None:
-            table[key] = toml_of(f"it = {toml_value(value)}")["it"]
+            table[key] = parse_toml(f"it = {toml_value(value)}")["it"]
     try:
         for name, value in settings.items():
             section, _, key = name.partition(".")
             text = _with_setting(text, section, key, value)
-        is_right = _filled(toml_of(text)) == _filled(wanted)
+        is_right = _filled(parse_toml(text)) == _filled(wanted)
     except (ValueError, TOMLKitError, RecursionError):  # tomlkit gives up before tomllib does
         is_right = False
     if not is_right:

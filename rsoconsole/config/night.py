@@ -7,11 +7,11 @@ from typing import Literal, Self, TypeAlias, get_args
 from pydantic import Field, field_serializer, field_validator, model_validator
 
 from rsoconsole.config.observatory import Section
-from rsoconsole.config.source_names import expect_url, shown, split_source
+from rsoconsole.config.source_names import expect_web_address, split_source, without_secrets
 
 
-class MeasuredErrors(Section):
-    """Factors on the assumed errors of one kind of orbit, each with its one-sigma error."""
+class MeasuredErrorFactors(Section):
+    """Multipliers of the assumed errors of elements, for one kind of orbit, with sigmas."""
 
     regime: Literal["GEO", "MEO", "LEO", "HEO"]
     along_at_epoch: float = Field(ge=0.01, le=100)
@@ -63,7 +63,7 @@ PRESETS: tuple[Preset, ...] = get_args(Preset)
 
 
 class FilterConfig(Section):
-    """The linear quadratic estimator."""
+    """The filter that estimates a track's motion (linear quadratic estimator)."""
 
     preset: Preset = Field(
         "adaptive",
@@ -100,8 +100,8 @@ class FilterConfig(Section):
     )
 
     @property
-    def uses_bank(self) -> bool:
-        """True where the preset weighs a bank of motions and noises; else it runs one filter."""
+    def uses_filter_bank(self) -> bool:
+        """True where the preset runs a bank of filters; else it runs one filter."""
         return self.preset == "adaptive"
 
 
@@ -152,7 +152,7 @@ class SearchConfig(Section):
 
 
 class AimConfig(Section):
-    """Where the telescope looks: at which of several tracks, and how far beside the prediction."""
+    """Where the telescope looks: at which of several tracks, and how far from the prediction."""
 
     policy: Literal["lead", "most", "group"] = Field(
         "lead",
@@ -169,12 +169,12 @@ class AimConfig(Section):
 
     @property
     def is_offset(self) -> bool:
-        """True when the operator has the telescope look beside the prediction."""
+        """True where an offset from the predicted position is set."""
         return any((self.lead_s, self.along_arcmin, self.across_arcmin))
 
 
 class LeapConfig(Section):
-    """Low satellites: the telescope stares, and leaps ahead of what it catches."""
+    """Low satellites: the telescope stares at one place, then leaps ahead of each it detects."""
 
     enabled: bool = Field(
         False,
@@ -232,7 +232,7 @@ class LeapConfig(Section):
 
 
 class OrbitConfig(Section):
-    """The orbit of what is followed, found while it is followed."""
+    """The orbit of the followed object, determined while it is followed."""
 
     online: bool = Field(True, description="refine the orbit after each measurement")
     prior: Literal["auto", "none", "slot", "geo", "meo"] = Field(
@@ -249,7 +249,7 @@ class OrbitConfig(Section):
 
 
 class CatalogueConfig(Section):
-    """Which satellites are known by name."""
+    """Catalogues of orbits by which satellites are identified."""
 
     tle_files: tuple[Path, ...] = Field(
         (),
@@ -272,7 +272,7 @@ class CatalogueConfig(Section):
     gate_deg: float = Field(
         0.2, gt=0, le=5, description="how far off its elements an object may be and be named"
     )
-    error_factors: tuple[MeasuredErrors, ...] = Field(
+    error_factors: tuple[MeasuredErrorFactors, ...] = Field(
         (),
         description="by what the assumed errors of elements are multiplied, by kind of orbit, as"
         " 'rsoconsole calibrate-elements --write' measured it",
@@ -288,17 +288,17 @@ class CatalogueConfig(Section):
     @field_serializer("sources", when_used="json")
     def _sources_without_secrets(self, texts: tuple[str, ...]) -> list[str]:
         """As sessions, logs and 'config show' carry them."""
-        return [shown(text) for text in texts]
+        return [without_secrets(text) for text in texts]
 
     @field_validator("celestrak_url", "space_track_url")
     @classmethod
     def _addresses_are_sound(cls, text: str) -> str:
-        expect_url(text)
+        expect_web_address(text)
         return text
 
     @field_serializer("celestrak_url", "space_track_url", when_used="json")
     def _addresses_without_secrets(self, text: str) -> str:
-        return shown(text)
+        return without_secrets(text)
 
     @model_validator(mode="after")
     def _one_of_each_kind(self) -> Self:

@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from rsoconsole.base import INDI_PORT
-from rsoconsole.config.source_names import home_path
+from rsoconsole.config.source_names import expand_home
 from rsoconsole.records import Site
 
 TimeSource = Literal["header", "gps"]
@@ -21,12 +21,12 @@ class Section(BaseModel):
     @classmethod
     def _home_is_where_the_tilde_says(cls, value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(home_path(part) if isinstance(part, Path) else part for part in value)
-        return home_path(value) if isinstance(value, Path) else value
+            return tuple(expand_home(part) if isinstance(part, Path) else part for part in value)
+        return expand_home(value) if isinstance(value, Path) else value
 
 
 class CalibratedTiming(Section):
-    """What a calibration found of one camera mode; a trait that is left out was not told."""
+    """Calibrated timing of one camera mode; a camera setting of None was not recorded."""
 
     exposure_s: float | None = Field(None, gt=0, le=1e6)
     """None: of whatever length."""
@@ -53,13 +53,13 @@ class CalibratedTiming(Section):
     measurements: int = Field(ge=1, le=100_000_000)
 
     @property
-    def mode(self) -> tuple[object, ...]:
-        """The traits that tell this camera mode from others."""
-        return (self.exposure_s, *self.read_out)
+    def camera_mode(self) -> tuple[object, ...]:
+        """Camera settings that distinguish this mode from others: exposure time, then the rest."""
+        return (self.exposure_s, *self.read_out_mode)
 
     @property
-    def read_out(self) -> tuple[object, ...]:
-        """The mode without its exposure time."""
+    def read_out_mode(self) -> tuple[object, ...]:
+        """The camera settings of this mode except the exposure time."""
         sides = (self.width_px, self.height_px, self.x0_px, self.y0_px)
         return (self.binning, *sides, self.gain, self.time_by)
 
@@ -73,7 +73,7 @@ class SiteConfig(Section):
     elevation_m: float = Field(10.0, ge=-430, le=9000)
 
     def to_site(self) -> Site:
-        """The record the rest of the program speaks; longitude in -180 to 180."""
+        """Return the site as a ``Site`` record, with longitude in -180 to 180."""
         return Site(
             latitude_deg=self.latitude_deg,
             longitude_deg=(self.longitude_deg + 180.0) % 360.0 - 180.0,
@@ -91,12 +91,12 @@ class OpticsConfig(Section):
 
     @property
     def scale_arcsec_px(self) -> float:
-        """Plate scale at the centre of the field."""
+        """Plate scale at the centre of the field, arcsec a pixel."""
         return 206.264806 * self.pixel_um / self.focal_length_mm
 
     @property
     def field_deg(self) -> tuple[float, float]:
-        """Width and height of the field."""
+        """Width and height of the field, degrees."""
         s = self.scale_arcsec_px / 3600.0
         return self.width_px * s, self.height_px * s
 
@@ -122,7 +122,7 @@ class IndiConfig(Section):
 
 
 class InstrumentsConfig(Section):
-    """Which protocols mount and camera speak; installed packages may bring others than INDI."""
+    """Protocols of mount and camera: INDI, or one that an installed package brings."""
 
     mount: str = Field("indi", min_length=1, description="INDI's, or an installed package's")
     camera: str = Field("indi", min_length=1, description="INDI's, or an installed package's")
@@ -132,7 +132,7 @@ class InstrumentsConfig(Section):
 
 
 class WaitsConfig(Section):
-    """How long what is slow to start is waited for, by the wall clock; never longer than needed."""
+    """Longest waits for processes and devices that are slow to start, by the wall clock."""
 
     process_s: float = Field(
         60.0, gt=0, le=3600, description="for a process of the program's own to start"
@@ -155,18 +155,18 @@ class WaitsConfig(Section):
     )
 
     @property
-    def connected_s(self) -> float:
-        """Longest time from the start of a device's process until the device is ready."""
+    def longest_connection_s(self) -> float:
+        """Longest time from the start of a device's process until the device is ready, s."""
         return self.process_s + 2.0 * self.device_s
 
     @property
-    def order_s(self) -> float:
-        """Longest time for an order of several steps."""
+    def longest_order_s(self) -> float:
+        """Longest time for an order of several steps to a device, s."""
         return 3.0 * self.answer_s + 5.0
 
 
 class ExposureConfig(Section):
-    """One exposure and the pause to the next."""
+    """Exposure time, cadence, and timing of the shutter."""
 
     exposure_s: float = Field(10.0, ge=0.001, le=600)
     cadence_s: float = Field(30.0, ge=0.1, le=3600, description="start to start, at least")
@@ -210,7 +210,7 @@ class ExposureConfig(Section):
 
 
 class MountConfig(Section):
-    """How the mount is built, how long it is given, and what becomes of it after a stop."""
+    """Type of the mount, time limits of its motions, and what it does after a STOP."""
 
     type: Literal["german", "fork"] = Field(
         "german", description="a German mount changes the side of its pier at the meridian"
@@ -235,7 +235,7 @@ class MountConfig(Section):
 
 
 class LimitsConfig(Section):
-    """Where the telescope must never look or turn, no matter who wants it to."""
+    """Directions and axis positions that are forbidden to the telescope, for every controller."""
 
     min_altitude_deg: float = Field(15.0, ge=-5, le=85)
     horizon: tuple[tuple[float, float], ...] = Field(
@@ -268,7 +268,7 @@ class LimitsConfig(Section):
 
 
 class CalibrationConfig(Section):
-    """Master frames of the camera, applied to every frame before anything is looked for."""
+    """Master frames of the camera, applied to every frame before detection."""
 
     darks: tuple[Path, ...] = Field(
         (),
@@ -283,8 +283,8 @@ class CalibrationConfig(Section):
     )
 
     @property
-    def files(self) -> tuple[tuple[str, Path], ...]:
-        """(name of the setting, file) of every master."""
+    def master_files(self) -> tuple[tuple[str, Path], ...]:
+        """The configured master frames, as (name of the setting, file)."""
         darks = [("darks", path) for path in self.darks]
         others = [("flat", self.flat), ("bias", self.bias)]
         return (*darks, *((name, path) for name, path in others if path is not None))

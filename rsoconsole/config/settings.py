@@ -19,11 +19,11 @@ from pydantic import BaseModel, Field, ValidationError
 
 from rsoconsole.base import (
     ConfigError,
-    nearest,
+    nearest_name,
+    parse_toml,
     plain_fault,
-    read_foreign,
+    read_foreign_text,
     system_errors_as,
-    toml_of,
 )
 from rsoconsole.config.alerts import AlertsConfig
 from rsoconsole.config.night import (
@@ -60,26 +60,26 @@ OTHERS = (
 
 
 class VariableError(ConfigError):
-    """A variable that cannot be read; its value may be a secret, and is not in the words."""
+    """An environment variable that cannot be read; its value may be secret and is not shown."""
 
     def __init__(self, variable: str) -> None:
         super().__init__(f'{variable} is no JSON: a list is ["one", "two"], a table {{"name": 1}}')
         self.variable = variable
 
 
-def variable_of(name: str) -> str:
-    """The variable of a setting, of ``site.latitude_deg`` RSOCONSOLE_SITE__LATITUDE_DEG."""
+def environment_name(name: str) -> str:
+    """Return a setting's environment variable, e.g. RSOCONSOLE_SITE__LATITUDE_DEG."""
     return PREFIX + name.replace(".", BETWEEN).upper()
 
 
 def environment_settings(
     model: type[BaseModel], environ: Mapping[str, str]
 ) -> Iterator[tuple[str, Any]]:
-    """(dotted name, value) of each setting that a variable gives, in the order of the model.
+    """Yield (dotted name, value) of each setting in ``environ``, in the model's order.
 
-    Raises VariableError for JSON that is none.
+    Raises VariableError for a value that is not valid JSON.
     """
-    names = [name for name in _names(model) if environ.get(variable_of(name))]
+    names = [name for name in _names(model) if environ.get(environment_name(name))]
     if not names:
         return
     # A sixth of a second, spent where somebody has set a variable.
@@ -87,7 +87,7 @@ def environment_settings(
 
     settings = _settings_of(model)
     for name in names:
-        variable = variable_of(name)
+        variable = environment_name(name)
         section, _, key = name.partition(".")
         source = EnvSettingsSource(
             settings, env_prefix=PREFIX, env_nested_delimiter=BETWEEN, env_parse_none_str="null"
@@ -103,17 +103,17 @@ def environment_settings(
         yield name, value
 
 
-def active_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
-    """The variables of these settings that are set: what a file says of them does not count."""
-    return [each for each in map(variable_of, names) if environ.get(each)]
+def overriding_variables(names: Iterable[str], environ: Mapping[str, str]) -> list[str]:
+    """Return the environment variables set for these settings; they override the file."""
+    return [each for each in map(environment_name, names) if environ.get(each)]
 
 
 def environment_warnings() -> Iterator[str]:
-    """For each variable that looks like a setting and is none, a line with the one meant."""
-    known = {_plain(each): each for each in (*map(variable_of, _names(Config)), *OTHERS)}
+    """Yield a line, with the likely name, for each unknown RSOCONSOLE_ variable."""
+    known = {_plain(each): each for each in (*map(environment_name, _names(Config)), *OTHERS)}
     for variable in sorted(os.environ):
         if variable.startswith(PREFIX) and variable not in known.values():
-            near = nearest(_plain(variable), known)
+            near = nearest_name(_plain(variable), known)
             meant = f"did you mean {known[near]}?" if near else "'rsoconsole config show' has all"
             yield f"the environment variable {variable} does nothing: {meant}"
 
@@ -122,8 +122,8 @@ def _plain(variable: str) -> str:
     return variable.removeprefix(PREFIX).replace(BETWEEN, ".").lower()
 
 
-def sections_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
-    """The classes of its sections, by their names."""
+def section_classes(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
+    """Return the classes of a configuration model's sections, by the sections' names."""
     return {
         name: info.annotation
         for name, info in model.model_fields.items()
@@ -132,12 +132,12 @@ def sections_of(model: type[BaseModel]) -> dict[str, type[BaseModel]]:
 
 
 def _names(model: type[BaseModel]) -> Iterator[str]:
-    for name, section in sections_of(model).items():
+    for name, section in section_classes(model).items():
         yield from (f"{name}.{key}" for key in section.model_fields)
 
 
 def _is_list(model: type[BaseModel], section: str, key: str) -> bool:
-    annotation = sections_of(model)[section].model_fields[key].annotation
+    annotation = section_classes(model)[section].model_fields[key].annotation
     options = get_args(annotation) if get_origin(annotation) is types.UnionType else (annotation,)
     return any(get_origin(each) in (tuple, list) for each in options)
 
@@ -156,8 +156,8 @@ APP = "rsoconsole"
 INIT_WRITES = "'rsoconsole config init' writes one"
 
 
-class AlertConfig(Section):
-    """What the operator is warned of beside faults."""
+class ApproachAlertConfig(Section):
+    """Close approaches of two satellites of which the operator is warned."""
 
     separation_arcsec: float = Field(
         30.0,
@@ -178,7 +178,7 @@ Alert = Literal["acquisition", "loss", "limit", "fault", "approach"]
 
 
 class ConsoleConfig(Section):
-    """How the console looks, and what it does to be noticed."""
+    """How the console looks, and for which events it rings or notifies."""
 
     ascii: bool | None = Field(
         None, description="letters only; null: where the terminal's encoding is not UTF-8"
@@ -197,7 +197,7 @@ class ConsoleConfig(Section):
 
 
 class SessionConfig(Section):
-    """Where sessions are kept and what of the frames."""
+    """Where sessions are kept, and which frames' pixels."""
 
     root: Path = Path(platformdirs.user_data_path(APP)) / "sessions"
     keep_frames: Literal["all", "detected", "last", "none"] = Field(
@@ -225,7 +225,7 @@ class Config(Section):
     orbit: OrbitConfig = OrbitConfig()
     leap: LeapConfig = LeapConfig()
     catalogue: CatalogueConfig = CatalogueConfig()
-    alert: AlertConfig = AlertConfig()
+    alert: ApproachAlertConfig = ApproachAlertConfig()
     alerts: AlertsConfig = AlertsConfig()
     session: SessionConfig = SessionConfig()
     console: ConsoleConfig = ConsoleConfig()
@@ -243,16 +243,16 @@ def data_dir() -> Path:
 
 
 def state_dir() -> Path:
-    """The user's state folder, which outlives logins: who drives which mount."""
+    """Return the user's state folder, kept after logout: ledgers, rescues, mount locks."""
     return platformdirs.user_state_path(APP)
 
 
 def runtime_dir() -> Path:
-    """A folder that only its owner can enter, made if need be: the control socket lies there.
+    """Return the folder of the control socket, made if missing; only its owner can enter it.
 
-    In ``$XDG_RUNTIME_DIR`` where the system gives one, else in the user's cache: a shared
-    temporary folder is nobody's. Raises ConfigError where neither can be written, and for a folder
-    of another user, for root as well.
+    It lies in ``$XDG_RUNTIME_DIR`` where that is set and writable, else in the user's cache; a
+    shared temporary folder would be unsafe. Raises ConfigError where neither can be written, and
+    where the folder belongs to another user, also when run as root.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
     cache = Path(platformdirs.user_cache_path(APP)) / "run"
@@ -291,10 +291,10 @@ def load_config(
 ) -> Config:
     """Read and validate a configuration.
 
-    ``path`` None means the default place, where a missing file is fine. ``overrides`` maps
-    dotted names to values, e.g. ``{"detector.tau": 0.2}``. ``environ``: variables that count more
-    than the file (see ``environment.py``); None: the process's own; empty: what the file says.
-    Raises ConfigError with every fault.
+    ``path`` None means the default path, where a missing file is fine. ``overrides`` maps dotted
+    names to values, e.g. ``{"detector.tau": 0.2}``. ``environ``: environment variables, which
+    override the file; None: the process's own; empty: the file alone. Raises ConfigError with
+    every fault.
     """
     given = ConfigLayers.read(path, overrides, environ)
     try:
@@ -312,7 +312,7 @@ def load_config(
 
 @dataclass(frozen=True, slots=True)
 class ConfigLayers:
-    """The settings that are given, not yet validated, by where they come from."""
+    """Settings before validation, by origin: file, environment, overrides."""
 
     source: Path
     in_file: Mapping[str, Any]
@@ -342,20 +342,22 @@ class ConfigLayers:
             if value is None and dotted in of_environment:
                 del table[section][key]
         variables = {
-            name: variable_of(name) for name in of_environment if name not in (overrides or {})
+            name: environment_name(name) for name in of_environment if name not in (overrides or {})
         }
         return cls(source, in_file, variables, table)
 
 
 def with_setting(config: Config, name: str, value: Any) -> Config:
-    """The configuration with one setting, by its dotted name, at another value.
+    """Return the configuration with the setting ``name`` (dotted) at another value.
 
     Raises ConfigError where there is no such setting, and where it cannot have that value.
     """
     table = config.model_dump()
     section, _, key = name.partition(".")
     if key not in table.get(section, {}):
-        raise ConfigError(unknown_setting(name, (each for each, _, _ in every_setting(config))))
+        raise ConfigError(
+            unknown_setting_words(name, (each for each, _, _ in every_setting(config)))
+        )
     table[section][key] = value
     try:
         return Config.model_validate(table)
@@ -364,7 +366,7 @@ def with_setting(config: Config, name: str, value: Any) -> Config:
 
 
 def with_changes(config: Config, changes: Mapping[str, Any]) -> Config:
-    """The configuration with settings, by their dotted names, at other values.
+    """Return the configuration with several settings, by dotted names, at other values.
 
     Raises ConfigError as ``with_setting`` does.
     """
@@ -373,22 +375,26 @@ def with_changes(config: Config, changes: Mapping[str, Any]) -> Config:
     return config
 
 
-def variables_set() -> list[str]:
-    """The environment variables that set something."""
-    return active_variables(_names(Config), os.environ)
+def environment_overrides() -> list[str]:
+    """Return the environment variables that override a setting in this process."""
+    return overriding_variables(_names(Config), os.environ)
 
 
-def unknown_setting(name: str, known: Iterable[str]) -> str:
-    """The fault of a name that is no setting, with the name that was probably meant."""
-    near = nearest(name, known)
+def unknown_setting_words(name: str, known: Iterable[str]) -> str:
+    """Return the message for an unknown setting, with the name that was probably meant."""
+    near = nearest_name(name, known)
     remedy = f"did you mean {near}?" if near else "'rsoconsole config show' lists them"
     return f"there is no setting {name!r}: {remedy}"
 
 
 def read_toml(path: Path, absent: str = INIT_WRITES, holds: str = "") -> dict[str, Any]:
-    """A TOML file as a dict. Raises ConfigError with what to do, and with what it should hold."""
+    """Read a TOML file as a dict.
+
+    Raises ConfigError; ``absent``: remedy in its message for a missing file, ``holds``: words on
+    the expected content for an unreadable one.
+    """
     try:
-        return toml_of(read_foreign(path))
+        return parse_toml(read_foreign_text(path))
     except FileNotFoundError as error:
         raise ConfigError(f"{path} does not exist: {absent}") from error
     except (OSError, ValueError) as error:

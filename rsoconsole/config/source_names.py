@@ -18,18 +18,18 @@ _QUERY = re.compile(r"[A-Za-z0-9_./<>%,+:~-]{1,300}")
 
 
 def split_source(text: str) -> tuple[SourceKind, str]:
-    """Kind of a source, and what is wanted of it. Raises ValueError with what to write."""
+    """Return a source's kind and the rest of its name; raises ValueError for anything else."""
     kind, colon, what = text.strip().partition(":")
     what = what.strip()
     for each in KINDS:
         if colon and kind == each and what:
             _expect_sound(each, what)
             return each, what
-    raise ValueError(f"{shown(text)!r} is no source of elements: {USAGE}")
+    raise ValueError(f"{without_secrets(text)!r} is no source of elements: {USAGE}")
 
 
-def shown(text: str) -> str:
-    """A source or a URL for people: without user, password and query, which may be secret."""
+def without_secrets(text: str) -> str:
+    """Return a source's name or URL without user, password and query, which may be secret."""
     kind, _, what = text.strip().partition(":")
     url = what.strip() if kind == "url" else text.strip()
     is_path = kind == "file" and what.startswith("/") and not what.startswith("//")
@@ -38,7 +38,7 @@ def shown(text: str) -> str:
     before = "url:" if kind == "url" else ""
     scheme = url.partition(":")[0].lower()
     known = f"{scheme}://..." if scheme in _WEB else f"{scheme}:..." if scheme in KINDS else "..."
-    if scheme not in _WEB or not is_address(url):
+    if scheme not in _WEB or not is_web_address(url):
         return before + known
     parts = urlsplit(url)
     if "@" in parts.path:
@@ -50,9 +50,9 @@ def shown(text: str) -> str:
 
 
 def _expect_sound(kind: SourceKind, what: str) -> None:
-    label = shown(f"{kind}:{what}")
+    label = without_secrets(f"{kind}:{what}")
     if kind == "url":
-        expect_url(what)
+        expect_web_address(what)
     elif kind in {"celestrak", "supgp"} and not _WORD.fullmatch(what):
         raise ValueError(
             f"{label!r} is no group: write a name such as {kind}:geo, or {kind}:CATNR=25544"
@@ -62,20 +62,20 @@ def _expect_sound(kind: SourceKind, what: str) -> None:
             f"{label!r} is no query: write space-track:all, space-track:geo, or what follows"
             " .../query/ in an address of Space-Track"
         )
-    elif kind == "file" and not home_path(what).is_absolute():
+    elif kind == "file" and not expand_home(what).is_absolute():
         raise ValueError(f"{label} is not from the root: write file:/... with the whole path")
 
 
-def home_path(path: str | Path) -> Path:
-    """The path, with a leading '~' as the shell has it. Raises ValueError for nobody's home."""
+def expand_home(path: str | Path) -> Path:
+    """Return the path with '~' expanded; raises ValueError for an unknown user's home."""
     try:
         return Path(path).expanduser()
     except RuntimeError as error:
         raise ValueError(f"{path}: there is no such user: write the whole path") from error
 
 
-def is_address(text: str) -> bool:
-    """Whether that is an address of a web server."""
+def is_web_address(text: str) -> bool:
+    """Return whether ``text`` is an address of a web server."""
     if any(ord(c) <= 0x20 or ord(c) == 0x7F for c in text):
         return False
     try:
@@ -86,7 +86,9 @@ def is_address(text: str) -> bool:
     return parts.scheme in _WEB and bool(parts.hostname)
 
 
-def expect_url(text: str) -> None:
-    """Raises ValueError where that is no address of a web server."""
-    if not is_address(text):
-        raise ValueError(f"{shown(text)!r} is no address: write http://... or https://...")
+def expect_web_address(text: str) -> None:
+    """Raise ValueError where ``text`` is no address of a web server."""
+    if not is_web_address(text):
+        raise ValueError(
+            f"{without_secrets(text)!r} is no address: write http://... or https://..."
+        )

@@ -1,6 +1,6 @@
-"""The operator's console in a terminal: shows the session and sends the operator's commands.
+"""The operator's console in a terminal: shows the session, sends the operator's commands.
 
-Imports rooms of lower floors, but never the engine, an instrument or the simulator.
+Imports packages of lower layers, but never the engine, an instrument or the simulator.
 """
 
 from lazy_loader import attach_stub

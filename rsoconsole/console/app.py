@@ -1,4 +1,4 @@
-"""The console as an application: colours, the keys that work on every screen, and the watches."""
+"""The console as an application: colours, keys for all screens, session and engine watch."""
 
 import asyncio
 import contextlib
@@ -19,16 +19,22 @@ from textual.screen import Screen
 from textual.widgets import Input, TextArea
 
 from rsoconsole.config import ConsoleConfig, IndiConfig
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.commands.command import KeyCommand, Place
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.keymap import Orders, bindings
 from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.dialogs.tour import TourDialog
-from rsoconsole.console.drawing.blocks import HALF_BLOCKS, QUADRANTS, Blocks
-from rsoconsole.console.drawing.plain import COLOURS, NIGHT_CSS, THEMES, CleanFilter, PlainFilter
+from rsoconsole.console.drawing.blocks import HALF_BLOCKS, QUADRANTS, BlockSet
+from rsoconsole.console.drawing.plain import (
+    COLOURS,
+    NIGHT_CSS,
+    THEMES,
+    AsciiFilter,
+    ControlCharacterFilter,
+)
 from rsoconsole.console.frame.frame_sheet import FrameSheet
-from rsoconsole.console.night.engine_view import EngineView, alerts_between, notification
+from rsoconsole.console.night.engine_view import EngineView, alerts_between, notification_sequence
 from rsoconsole.console.panes.last_line import MODE_WORDS, Mode
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.screens.live import LiveScreen
@@ -80,7 +86,7 @@ AFTER_ESCAPE_S = 0.05
 """Seconds that the action of escape gets before the key typed right behind escape acts."""
 
 
-def action_of(owner: Any, key: KeyCommand) -> Callable[[], Any]:
+def command_action(owner: Any, key: KeyCommand) -> Callable[[], Any]:
     """Return the function that runs a command; ``owner``: the application or screen that has it."""
     if key.sends is not None:
         return partial(owner.action_hand_over, key.name)
@@ -117,7 +123,7 @@ class ConsoleApp(App[str]):
         settings: ConsoleConfig | None = None,
         seat_name: str = "",
         graphics: "GraphicsKind | None" = None,
-        blocks: Blocks = QUADRANTS,
+        blocks: BlockSet = QUADRANTS,
         review: tuple[Path | None, str] | None = None,
         sessions_root: Path | None = None,
         tour: "TourMemory | None" = None,
@@ -162,13 +168,13 @@ class ConsoleApp(App[str]):
         self.live = LiveScreen(
             Orders(wire, past_engine),
             read_only=read_only or session is not None,
-            ask_now=self._engine_watch.look_now,
+            ask_now=self._engine_watch.poll_now,
             on_known=self.ring_alerts,
             seat_name=seat_name,
             keymap=self._own_keys,
             sessions_root=sessions_root,
         )
-        self.root: Seat = self.live
+        self.root: OperatorScreen = self.live
         """The lowest screen, under all others; it handles the STOP key."""
         if review is not None:
             self.root = ReviewScreen(
@@ -184,9 +190,9 @@ class ConsoleApp(App[str]):
         wants_ascii = self._settings.ascii
         if wants_ascii is None:
             wants_ascii = not is_utf8()
-        self._filters.append(CleanFilter())
+        self._filters.append(ControlCharacterFilter())
         if wants_ascii:
-            self._filters.append(PlainFilter())
+            self._filters.append(AsciiFilter())
             self.graphics, self.blocks = None, HALF_BLOCKS
         loop = asyncio.get_running_loop()
         with contextlib.suppress(RuntimeError, ValueError):  # not in the main thread
@@ -212,21 +218,21 @@ class ConsoleApp(App[str]):
         self._session_watch.close()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Return False where STOP's letter belongs into a text field; ctrl+x is STOP there too."""
+        """Return False for STOP's letter while a text field has the focus; ctrl+x works there."""
         if action == "stop_by_letter":
             return not isinstance(self.focused, Input | TextArea)
         return super().check_action(action, parameters)
 
     @property
-    def shown(self) -> NightScreen:
-        """The uppermost screen of a night, live or review, whatever dialog lies over it."""
+    def night_screen(self) -> NightScreen:
+        """The uppermost screen that shows a night, live or review, even below a dialog."""
         screens = [screen for screen in self.screen_stack if isinstance(screen, NightScreen)]
         return screens[-1] if screens else self.live
 
     @property
     def place(self) -> Place:
-        """Whether the uppermost screen of a night is the live one or a review."""
-        return "review" if isinstance(self.shown, ReviewScreen) else "live"
+        """Kind of the uppermost screen that shows a night: live or review."""
+        return "review" if isinstance(self.night_screen, ReviewScreen) else "live"
 
     def get_system_commands(self, screen: Screen[Any]) -> Iterable[SystemCommand]:
         """Yield every command by name for the palette; those of an opened frame come first."""
@@ -237,8 +243,8 @@ class ConsoleApp(App[str]):
                 continue
             if command.acts and self.live.read_only:
                 continue
-            owner = self if command.is_everywhere else self.shown
-            action = action_of(owner, command)
+            owner = self if command.is_everywhere else self.night_screen
+            action = command_action(owner, command)
             yield SystemCommand(command.title, command.help, action)
 
     @property
@@ -253,7 +259,7 @@ class ConsoleApp(App[str]):
         self._close_messages_no_wait()
 
     async def action_quit(self) -> None:
-        """Leave as the screen provides; Textual's own command for leaving comes here."""
+        """Leave as the uppermost screen provides; Textual's own quit command runs this too."""
         self.action_leave()
 
     def action_stop(self) -> None:
@@ -263,7 +269,7 @@ class ConsoleApp(App[str]):
     action_stop_by_letter = action_stop
 
     def action_after_escape(self, key: str) -> None:
-        """Handle a key that came right behind escape: first escape acts, then ``key``."""
+        """Handle a key that followed escape at once: run escape's action, then that of ``key``."""
         self.simulate_key("escape")
         self.set_timer(AFTER_ESCAPE_S, partial(self.simulate_key, key))
 
@@ -285,7 +291,7 @@ class ConsoleApp(App[str]):
     @property
     def _mode(self) -> Mode:
         """Present meaning of the keys."""
-        return self.screen.mode if isinstance(self.screen, FrameSheet) else self.shown.mode
+        return self.screen.mode if isinstance(self.screen, FrameSheet) else self.night_screen.mode
 
     def _show_help(self) -> None:
         mode = self._mode
@@ -312,10 +318,12 @@ class ConsoleApp(App[str]):
         names = [theme for theme in COLOURS if theme in self.available_themes]
         at = names.index(self.theme) if self.theme in names else -1
         self.theme = names[(at + 1) % len(names)]
-        self.shown.say(f"colours: {COLOURS[self.theme]}")
+        self.night_screen.say(f"colours: {COLOURS[self.theme]}")
 
     def action_leave(self) -> None:
-        """Leave as the uppermost screen provides, which may ask first; an opened frame closes."""
+        """Close an opened frame, then leave as the uppermost screen provides, which may ask
+        first.
+        """
         if isinstance(self.screen, FrameSheet):
             self.pop_screen()
         screen = self.screen
@@ -329,7 +337,7 @@ class ConsoleApp(App[str]):
             if alert in self._settings.bell:
                 self.bell()
             if alert in self._settings.notify and self._driver is not None:
-                self._driver.write(notification(words))
+                self._driver.write(notification_sequence(words))
 
     def _night_seen(self, night: NightView, picture: Picture | None) -> None:
         with self._newest_lock:

@@ -28,13 +28,13 @@ def run_console(
     stop_directly: "StopDirectly | None" = None,
     graphics: Graphics | None = None,
 ) -> str:
-    """Open the console and stay until it is left; return "quit" or "stop engine".
+    """Open the console, and when it is left return "quit" or "stop engine".
 
-    ``socket``: the engine's; None: the default one.
-    ``session``: shows that session instead, read-only and growing, without an engine.
+    ``socket``: path of the engine's socket; None: the default one.
+    ``session``: folder of a session to show instead, read-only and as it grows, without an engine.
     ``read_only``: True where no command but STOP may be sent.
-    ``owns_engine``: True where the engine is only starting: it is waited for.
-    ``stop_directly``: stops the mount where the engine does not; is given the session's INDI
+    ``owns_engine``: True where the engine has just been started, so that it is waited for.
+    ``stop_directly``: stops the mount if the engine does not; its argument is the session's INDI
         settings, or None.
     ``graphics``: how to draw pictures; None: as configured.
 
@@ -107,9 +107,9 @@ def _run(
     ``more``: further arguments of ``ConsoleApp``.
     """
     from rsoconsole.console.app import ConsoleApp
-    from rsoconsole.console.picture.graphics import choose_drawing
+    from rsoconsole.console.picture.graphics import choose_drawing_mode
 
-    drawn = choose_drawing(graphics or config.console.graphics)
+    drawn = choose_drawing_mode(graphics or config.console.graphics)
     app = ConsoleApp(
         lambda: ControlClient(socket, sender=seat),
         settings=config.console,

@@ -12,11 +12,11 @@ from rsoconsole.base import ControlError
 from rsoconsole.control.command import Command
 from rsoconsole.control.commands import AskStatus
 from rsoconsole.control.record_lock import (
-    address_of,
     default_socket_path,
-    engine_at,
     engine_pid,
+    running_engine_at,
     running_engines,
+    socket_address,
 )
 from rsoconsole.control.status import Status, read_status
 from rsoconsole.control.wire import DEFAULT_TIMEOUT_S, Outcome, Sender, read_outcome, receive_line
@@ -32,7 +32,7 @@ OPERATOR = Sender()
 
 
 class ControlClient:
-    """Client of the operator's wire, for a console or a shell command; one call at a time."""
+    """Client of the operator's wire; it sends one command at a time."""
 
     def __init__(self, path: Path | None = None, sender: Sender = OPERATOR) -> None:
         self._path = path if path is not None else default_socket_path()
@@ -93,7 +93,7 @@ class ControlClient:
 
     def _connect_patiently(self, wire: socket.socket, deadline: float) -> None:
         """Connect; an engine that starts, or whose socket was just removed, soon has one."""
-        address = str(address_of(self._path))
+        address = str(socket_address(self._path))
         until = min(deadline, time.monotonic() + MADE_AGAIN_S)
         may_come = False
         while True:
@@ -104,7 +104,7 @@ class ControlClient:
                 # A folder that is not even there was emptied by somebody: the engine, if there is
                 # one, makes it again.
                 may_come = may_come or not Path(address).parent.exists()
-                if time.monotonic() > until or not (may_come or engine_at(self._path)):
+                if time.monotonic() > until or not (may_come or running_engine_at(self._path)):
                     raise
                 time.sleep(0.1)
 
@@ -120,7 +120,7 @@ def ask_engine(wire: ControlClient, question: Command) -> Mapping[str, Any]:
     return outcome.data
 
 
-def status_of(wire: ControlClient) -> Status:
+def ask_status(wire: ControlClient) -> Status:
     """Return the engine's status.
 
     Raises ControlError when no engine answers, or when it refuses.
@@ -130,7 +130,7 @@ def status_of(wire: ControlClient) -> Status:
 
 def _no_engine(path: Path) -> str:
     """Return the message that no engine listens there, and where one does."""
-    behind = engine_at(path)
+    behind = running_engine_at(path)
     if behind is not None:
         return (
             f"the engine (process {behind.pid}) runs and its socket is gone; it makes a new one"

@@ -20,7 +20,6 @@ LARGEST_WHOLE = 2**53
 _EMPTY: tuple[Any, ...] = (None, "", [], (), {})
 
 COMMANDS: dict[str, "type[Command]"] = {}
-"""Every command by its verb, in the order in which they are declared."""
 
 C = TypeVar("C", bound="type[Command]")
 
@@ -38,8 +37,7 @@ class Command:
     is_urgent: ClassVar[bool] = False
     """True for a command that is executed at once, even while an exposure is under way."""
     moves_mount: ClassVar[bool] = False
-    """True for a command that may move the mount: a limit and the end of the night undo it while it
-    waits."""
+    """True if the command may move the mount: a limit or night's end undoes it while it waits."""
     survives_stop: ClassVar[bool] = False
     """True for a command that STOP does not cancel while it waits, because it moves nothing."""
     needs_control: ClassVar[bool] = True
@@ -57,7 +55,6 @@ class Command:
     shell: ClassVar[str] = ""
     """Example of the command in a shell; empty: the shell has no such verb."""
     shell_help: ClassVar[str] = ""
-    """Text of the shell's ``--help``."""
 
     def check(self) -> None:
         """Check the arguments.
@@ -80,9 +77,9 @@ class Command:
 
     @classmethod
     def read(cls, arguments: Mapping[str, Any]) -> Self:
-        """Return the command with these arguments.
+        """Make the command from its arguments, named as on the wire.
 
-        Raises ValueError with what is wrong with them.
+        Raises ValueError with the reason for unknown, missing or invalid arguments.
         """
         known = {_key(f): f for f in dataclasses.fields(cls)}
         unknown = [name for name in arguments if name not in known]
@@ -103,15 +100,17 @@ class Command:
         return cls.title or cls.verb
 
 
-def register(command: C) -> C:
-    """Register a command by its verb. Raises ValueError for a verb that is taken."""
+def register_command(command: C) -> C:
+    """Add a command class to ``COMMANDS``. Raises ValueError if its verb is there already."""
     if command.verb in COMMANDS:
         raise ValueError(f"there is a command {command.verb!r} already")
     COMMANDS[command.verb] = command
     return command
 
 
-def argument(key: str = "", *, default: Any = MISSING, help_: str = "", shell: str = "") -> Any:
+def argument_field(
+    key: str = "", *, default: Any = MISSING, help_: str = "", shell: str = ""
+) -> Any:
     """Declare a field of a command.
 
     ``key``: its name on the wire, where that is not the field's; ``help_``: its help text in a
@@ -121,10 +120,10 @@ def argument(key: str = "", *, default: Any = MISSING, help_: str = "", shell: s
     return field(default=default, metadata={k: v for k, v in metadata.items() if v})
 
 
-def command_of(verb: str, arguments: Mapping[str, Any]) -> Command:
-    """Return the command for a verb and its arguments.
+def make_command(verb: str, arguments: Mapping[str, Any]) -> Command:
+    """Make and check the command for a verb and its arguments.
 
-    Raises ValueError, in words, for an unknown verb and for arguments that the verb does not have.
+    Raises ValueError, with the reason, for an unknown verb and for wrong arguments.
     """
     known = COMMANDS.get(verb)
     if known is None:
@@ -158,13 +157,13 @@ def command_words(verb: str, arguments: Mapping[str, Any]) -> str:
     return ", ".join([words, *parts])
 
 
-def with_overrides(words: str, override: tuple[str, ...]) -> str:
+def add_override_words(words: str, override: tuple[str, ...]) -> str:
     """Return a command's words followed by the names of the checks that it overrides."""
     return f"{words}, overriding {', '.join(override)}" if override else words
 
 
-def finite(value: Any) -> bool:
-    """True for a finite number."""
+def is_finite_number(value: Any) -> bool:
+    """Return True for a finite number; a bool is not a number."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return is_number and (isinstance(value, int) or math.isfinite(value))
 
@@ -210,7 +209,7 @@ def _are_names(value: Any) -> bool:
 
 
 _READERS: dict[Any, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
-    float: ("a number", finite, float),
+    float: ("a number", is_finite_number, float),
     int: ("a whole number", _is_whole, int),
     bool: ("true or false", lambda value: isinstance(value, bool), bool),
     str: ("text", lambda value: isinstance(value, str), str),

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rsoconsole.control.command import Command, argument, register, with_overrides
+from rsoconsole.control.command import Command, add_override_words, argument_field, register_command
 from rsoconsole.words import direction
 
 LARGEST_NUDGE_ARCMIN = 600.0
@@ -26,7 +26,7 @@ _COMPASS = (
 # -- answered at once -------------------------------------------------------------------------
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop(Command):
     """End every motion and exposure, and disarm: at once, from any sender."""
@@ -38,7 +38,7 @@ class Stop(Command):
     takes_anything = True
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AskStatus(Command):
     """Ask for the engine's state; the answer's data are those of a ``Status``."""
@@ -53,7 +53,7 @@ class AskStatus(Command):
 # -- who has the mount ------------------------------------------------------------------------
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm(Command):
     """Give control of the mount to autonomy, after its checklist."""
@@ -67,15 +67,14 @@ class Arm(Command):
     A checklist is gone through first (clock, site, Sun, weather, disk and so on); what is not
     well can be overridden by name, which goes on record."""
 
-    override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
-    """Names of the checklist's checks that the operator overrides."""
+    override: tuple[str, ...] = argument_field(default=(), help_=OVERRIDE_HELP)
 
     def words(self) -> str:
         """The command in words, for the log."""
-        return with_overrides("arm", self.override)
+        return add_override_words("arm", self.override)
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disarm(Command):
     """Take control back from autonomy without moving the mount."""
@@ -90,7 +89,7 @@ class Disarm(Command):
     )
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hold(Command):
     """Stop slews for now: tracks are still exposed, measured and predicted."""
@@ -101,7 +100,7 @@ class Hold(Command):
     shell = "rsoconsole hold"
     shell_help = "No slews for now: what is followed is still exposed, measured and predicted."
 
-    until: str | None = argument(default=None, help_="'clear': until the stars are back.")
+    until: str | None = argument_field(default=None, help_="'clear': until the stars are back.")
 
     def check(self) -> None:
         """Check that ``until`` is empty or "clear"."""
@@ -113,7 +112,7 @@ class Hold(Command):
         return "hold until it clears" if self.until == "clear" else "hold"
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resume(Command):
     """Give control back after a hold or a move by hand, or follow an ended track again."""
@@ -129,7 +128,7 @@ class Resume(Command):
     the checklist. After a STOP or a fault 'arm' comes first."""
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Park(Command):
     """Disarm, and send the mount to its park position."""
@@ -141,7 +140,7 @@ class Park(Command):
     shell_help = "Disarm and send the mount to its park position."
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Abort(Command):
     """Give up the exposure under way; the next one begins as planned."""
@@ -150,7 +149,7 @@ class Abort(Command):
     is_urgent = True
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shutdown(Command):
     """End the engine: the mount stops, the session is closed."""
@@ -164,7 +163,7 @@ class Shutdown(Command):
 # -- by hand ----------------------------------------------------------------------------------
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goto(Command):
     """Move the telescope by hand, within its limits; autonomy waits until it is resumed."""
@@ -177,23 +176,23 @@ class Goto(Command):
 
     ra_icrs_deg: float
     dec_icrs_deg: float
-    override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
+    override: tuple[str, ...] = argument_field(default=(), help_=OVERRIDE_HELP)
 
     def check(self) -> None:
-        """Check that the declination lies on the sky."""
+        """Check that the declination is between -90 and 90 degrees."""
         if not -90.0 <= self.dec_icrs_deg <= 90.0:
             raise ValueError(f"declination {self.dec_icrs_deg:g} is outside -90 to 90")
 
     def words(self) -> str:
         """The command in words, for the log."""
         place = direction(self.ra_icrs_deg, self.dec_icrs_deg)
-        return with_overrides(f"go to {place}", self.override)
+        return add_override_words(f"go to {place}", self.override)
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nudge(Command):
-    """Move the telescope a little on the sky, by hand; several such moves add up."""
+    """Move the telescope by hand by a small angle on the sky; repeated moves add up."""
 
     verb = "nudge"
     is_urgent = True
@@ -202,7 +201,7 @@ class Nudge(Command):
 
     east_arcmin: float
     north_arcmin: float
-    override: tuple[str, ...] = argument(default=(), help_=OVERRIDE_HELP)
+    override: tuple[str, ...] = argument_field(default=(), help_=OVERRIDE_HELP)
 
     def check(self) -> None:
         """Check that the move is small."""
@@ -214,14 +213,17 @@ class Nudge(Command):
         arcmin = math.hypot(self.east_arcmin, self.north_arcmin)
         size = f"{arcmin:.3g}′" if arcmin >= 0.995 else f"{arcmin * 60:.3g}″"
         angle_deg = math.degrees(math.atan2(self.east_arcmin, self.north_arcmin))
-        return with_overrides(
+        return add_override_words(
             f"nudge {size} {_COMPASS[round(angle_deg / 45.0) % 8]}", self.override
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimOffset(Command):
-    """An aim point beside the predicted position, for a preview; settings ``aim.*`` apply it."""
+    """Offset of the aim point from the predicted position, for previews alone.
+
+    The settings ``aim.*`` apply an offset.
+    """
 
     verb = "aim"
 
@@ -230,11 +232,11 @@ class AimOffset(Command):
     across_arcmin: float | None = None
 
     def settings(self) -> dict[str, float]:
-        """Return the offsets that were given, by the names of their settings."""
+        """Return the given offsets by the names of their settings, such as ``aim.lead_s``."""
         return {f"aim.{name}": value for name, value in self.arguments().items()}
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preview(Command):
     """Ask for a preview of a move: its target, duration and limits; nothing moves."""
@@ -245,12 +247,12 @@ class Preview(Command):
     move: Goto | Nudge | AimOffset
 
     def arguments(self) -> dict[str, Any]:
-        """Return the arguments of the previewed move; their names show which kind of move it is."""
+        """Return the arguments of the previewed move, whose names tell the kinds of moves apart."""
         return self.move.arguments()
 
     @classmethod
     def read(cls, arguments: Mapping[str, Any]) -> "Preview":
-        """Return the preview of the move to which these arguments belong."""
+        """Make the preview of the move that has these arguments."""
         if "east_arcmin" in arguments:
             return cls(move=Nudge.read(arguments))
         is_beside = not AimOffset.__dataclass_fields__.keys().isdisjoint(arguments)
@@ -261,9 +263,9 @@ class Preview(Command):
         self.move.check()
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Track(Command):
+class SetTracking(Command):
     """Turn sidereal tracking on or off, by hand."""
 
     verb = "track"
@@ -271,14 +273,14 @@ class Track(Command):
     moves_mount = True
     awaits_mount = True
 
-    is_on: bool = argument("on", default=True)
+    is_on: bool = argument_field("on", default=True)
 
     def words(self) -> str:
         """The command in words, for the log."""
         return "track" if self.is_on else "stand still"
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unpark(Command):
     """Release a parked mount; nothing moves."""
@@ -293,7 +295,7 @@ class Unpark(Command):
 # -- settings ---------------------------------------------------------------------------------
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Set(Command):
     """Change a setting of the running engine, for good or for a number of frames."""
@@ -307,9 +309,9 @@ class Set(Command):
         "Change a setting of the running engine, from the next exposure until the engine ends."
     )
 
-    name: str = argument(help_="Dotted name, as 'config show' lists it.")
-    value: int | float | str = argument(help_="New value.")
-    frames: int | None = argument(default=None, help_="Set it back after this many frames.")
+    name: str = argument_field(help_="Dotted name, as 'config show' lists it.")
+    value: int | float | str = argument_field(help_="New value.")
+    frames: int | None = argument_field(default=None, help_="Set it back after this many frames.")
 
     def check(self) -> None:
         """Check the number of frames."""
@@ -326,7 +328,7 @@ class Set(Command):
 # -- the operator's decisions on a frame ------------------------------------------------------
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seek(Command):
     """Search for the last track again, in a widening spiral around its predicted position."""
@@ -338,9 +340,9 @@ class Seek(Command):
 # -- among the consoles -----------------------------------------------------------------------
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskSeat(Command):
+class RequestControl(Command):
     """Request control from the console that has it."""
 
     verb = "ask_seat"
@@ -349,9 +351,9 @@ class AskSeat(Command):
     is_on_panel = True
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnswerSeat(Command):
+class AnswerControlRequest(Command):
     """Give control to the console that requests it, or refuse."""
 
     verb = "answer_seat"
@@ -364,7 +366,7 @@ class AnswerSeat(Command):
     """Console that the answer is for; None: any that requests control."""
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Note(Command):
     """Put a remark on record."""
@@ -372,7 +374,7 @@ class Note(Command):
     verb = "note"
     needs_control = False
 
-    text: str = argument(help_="What you want to remember.")
+    text: str = argument_field(help_="What you want to remember.")
 
     def check(self) -> None:
         """Check that the remark is not empty."""

@@ -6,11 +6,11 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from rsoconsole.control.wire import one_line, printable
+from rsoconsole.control.wire import one_line, to_printable
 from rsoconsole.records import PairMotion, UnseenMember
 from rsoconsole.words import (
+    approach_words,
     catalogued_name,
-    closest_words,
     separation_rate_words,
     separation_words,
     tracks_words,
@@ -25,12 +25,12 @@ _PATHS = frozenset(("session",))
 """Fields that hold file names: passed unchanged, because any cleaning would name another file."""
 
 
-def as_json(value: Any) -> Any:
+def to_json_types(value: Any) -> Any:
     """Return a record, or a value of its fields, in types that JSON has."""
     if is_dataclass(value):
-        return {each.name: as_json(getattr(value, each.name)) for each in fields(value)}
+        return {each.name: to_json_types(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, tuple):
-        return [as_json(each) for each in value]
+        return [to_json_types(each) for each in value]
     if isinstance(value, Mapping):
         return dict(value)
     return str(value) if isinstance(value, Path) else value
@@ -70,7 +70,7 @@ def _reader(kind: Any) -> "TypeAdapter[Any]":
 
 def _printable(value: Any) -> Any:
     if isinstance(value, str):
-        return printable(value)
+        return to_printable(value)
     if isinstance(value, Mapping):
         return {name: _printable(each) for name, each in value.items()}
     return [_printable(each) for each in value] if isinstance(value, list) else value
@@ -104,12 +104,12 @@ MAX_LINES = 12
 """Greatest number of pairs and of missing objects in plain lines; JSON lists all."""
 
 
-def nearest_first(pairs: Iterable[PairMotion]) -> tuple[PairMotion, ...]:
+def sort_by_separation(pairs: Iterable[PairMotion]) -> tuple[PairMotion, ...]:
     """Return pairs of tracks in the order of their separation, smallest first."""
     return tuple(sorted(pairs, key=lambda each: each.separation_arcsec))
 
 
-def field_words(
+def neighbours_and_missing_words(
     pairs: Sequence[PairMotion], unseen: Sequence[UnseenMember], uncatalogued: Sequence[int]
 ) -> list[str]:
     """Return lines of at most 80 columns on each track's nearest neighbour and missing objects.
@@ -142,5 +142,5 @@ def _pair_words(pair: PairMotion) -> str:
     return (
         f"{pair.track_id}-{pair.other_track_id}: {separation_words(pair)}"
         f" {separation_rate_words(pair)},"
-        f" {closest_words(pair)}{mark}"
+        f" {approach_words(pair)}{mark}"
     )

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
-from rsoconsole.control.command import Command, argument, register
+from rsoconsole.control.command import Command, argument_field, register_command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision(Command):
     """A decision of the operator on the streaks of one frame; without a frame: of the newest."""
 
-    frame_id: int | None = argument(
+    frame_id: int | None = argument_field(
         "frame", default=None, help_="The frame that it is said of; without: the newest."
     )
 
@@ -18,26 +18,26 @@ class Decision(Command):
         return self.verb + self.of_frame(" frame {}")
 
     def of_frame(self, words: str) -> str:
-        """Return these words with the frame's number added, where one is given."""
+        """Return ``words`` with the frame's number in place of ``{}``; empty: no frame is given."""
         return "" if self.frame_id is None else words.format(self.frame_id)
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choose(Decision):
+class ChooseStreak(Decision):
     """Follow the streak nearest to a pixel position."""
 
     verb = "choose"
 
-    x_px: float = argument("x")
-    y_px: float = argument("y")
+    x_px: float = argument_field("x")
+    y_px: float = argument_field("y")
 
     def words(self) -> str:
         """The command in words, for the log."""
         return f"follow the streak at {self.x_px:.0f}, {self.y_px:.0f}"
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accept(Decision):
     """Accept the frame's likeliest streak that the track did not use, whatever the gates say."""
@@ -45,7 +45,7 @@ class Accept(Decision):
     verb = "accept"
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reject(Decision):
     """Reject the track's measurement in a frame; without a frame: its last measurement."""
@@ -53,7 +53,7 @@ class Reject(Decision):
     verb = "reject"
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkByHand(Decision):
     """Mark a streak by hand: a measurement between two ends that the operator sets."""
@@ -61,15 +61,14 @@ class MarkByHand(Decision):
     verb = "mark"
     answer_s = 30.0
 
-    x_a_px: float = argument("x_a")
-    y_a_px: float = argument("y_a")
-    x_b_px: float = argument("x_b")
-    y_b_px: float = argument("y_b")
+    x_a_px: float = argument_field("x_a")
+    y_a_px: float = argument_field("y_a")
+    x_b_px: float = argument_field("x_b")
+    y_b_px: float = argument_field("y_b")
     sigma_px: float | None = None
     """One sigma of the ends, px; None: the default of a mark by hand."""
     sigma_across_px: float | None = None
-    """One sigma across, px, where refined on the light beneath it: ``sigma_px`` is then along
-    it."""
+    """One sigma across, px, if refined on the light: ``sigma_px`` is then along; None otherwise."""
     is_clipped: bool | None = None
     """True where the image shows that the frame's edge cuts the streak."""
     replaces: bool | None = None
@@ -80,7 +79,7 @@ class MarkByHand(Decision):
         return "mark by hand" + self.of_frame(" in frame {}")
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeginMark(Decision):
     """Keep a frame's pixels while the operator marks it; ``is_on`` False: keep them no longer."""
@@ -88,7 +87,7 @@ class BeginMark(Decision):
     verb = "begin_mark"
     answer_s = 30.0
 
-    is_on: bool = argument("on", default=True)
+    is_on: bool = argument_field("on", default=True)
 
     def words(self) -> str:
         """The command in words, for the log."""
@@ -96,9 +95,9 @@ class BeginMark(Decision):
         return deed + self.of_frame(" in frame {}")
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TakeBack(Decision):
+class WithdrawDecisions(Decision):
     """Withdraw the decisions on a frame's streaks; without a frame: the last decision."""
 
     verb = "take_back"
@@ -109,9 +108,9 @@ class TakeBack(Decision):
         return "take back" + self.of_frame(" what was said of frame {}")
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drop(Decision):
+class DropTrack(Decision):
     """Drop a track for good; its streaks start no new track while it may be in the field."""
 
     verb = "drop"
@@ -121,17 +120,17 @@ class Drop(Decision):
     Its streaks start no other track for as long as it may be in the field. With --off within
     12 frames it is followed as if it had never been dropped; so does 'u' in the console."""
 
-    track: int = argument(help_="The track's number.")
-    off: bool | None = argument(default=None, help_="Take it back.")
+    track: int = argument_field(help_="The track's number.")
+    off: bool | None = argument_field(default=None, help_="Take it back.")
 
     def words(self) -> str:
         """The command in words, for the log."""
         return f"{'take back: ' if self.off else ''}drop track {self.track}"
 
 
-@register
+@register_command
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Keep(Decision):
+class KeepTrack(Decision):
     """Keep a track: no miss ends it while it may be in the field; ``off``: keep it no longer."""
 
     verb = "keep"
@@ -141,8 +140,8 @@ class Keep(Decision):
     Neither the time that it coasts nor a miss on trial ends it, until it leaves the field or its
     3-sigma bounds are wider than the field. With --off that holds no longer."""
 
-    track: int = argument(help_="The track's number.")
-    off: bool | None = argument(default=None, help_="Keep it no longer.")
+    track: int = argument_field(help_="The track's number.")
+    off: bool | None = argument_field(default=None, help_="Keep it no longer.")
 
     def words(self) -> str:
         """The command in words, for the log."""

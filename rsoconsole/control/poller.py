@@ -7,9 +7,9 @@ CLOSING_S = 0.5
 
 
 class Poller(ABC):
-    """Thread that looks at something at regular intervals, and at once when it is woken.
+    """Base of threads that poll something at regular intervals, and at once when woken.
 
-    A subclass says in ``_look`` what one look does.
+    A subclass does its work in ``_look``.
     """
 
     def __init__(self, name: str, every_s: float) -> None:
@@ -22,12 +22,12 @@ class Poller(ABC):
         """Start the thread; it looks at once."""
         self._thread.start()
 
-    def look_now(self) -> None:
+    def poll_now(self) -> None:
         """Look at once instead of at the next interval; may be called from any thread."""
         self._wake.set()
 
     def close(self) -> None:
-        """End the thread; waits for a look under way only briefly."""
+        """End the thread; a poll under way is waited for only briefly."""
         self._is_closing = True
         self._wake.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():

@@ -27,11 +27,11 @@ _held: dict[Path, str] = {}
 _held_lock = threading.Lock()
 
 
-def read_holder(path: Path) -> tuple[int, str] | None:
-    """Return the process that holds a file's lock, and the file's text; None where none holds it.
+def read_lock_holder(path: Path) -> tuple[int, str] | None:
+    """Return (process id, file's text) of the process that holds a lock; None: nobody.
 
-    None also where the system does not report the holder. The lock is only queried, never taken: to
-    take it even briefly would turn away a process that is just starting.
+    None also where the system does not report the holder. The lock is only queried: taking it even
+    briefly would make a process fail that is just starting.
     """
     if sys.platform != "linux":
         return None
@@ -55,7 +55,7 @@ def read_holder(path: Path) -> tuple[int, str] | None:
 
 
 class RecordLock:
-    """Lock on a file, held by one process; the system releases it when the process dies."""
+    """Lock on a file (a POSIX record lock); the system releases it when its process dies."""
 
     def __init__(self, path: Path, words: str, *, is_removed: bool = False) -> None:
         """Make the lock, without taking it.
@@ -69,7 +69,7 @@ class RecordLock:
         self._descriptor: int | None = None
 
     def refusal(self, holder_words: str) -> str:
-        """Return the message to a process that finds the lock held.
+        """Return the error message for a process that finds the lock held.
 
         ``holder_words``: text in the file, written by the process that holds the lock.
         """
@@ -116,10 +116,10 @@ class RecordLock:
         return descriptor
 
     def keep(self) -> bool:
-        """Make and lock the file again where somebody has removed it; True where that was needed.
+        """Make and lock the file again if it has been removed; return True if it had been.
 
-        A removed file cannot get its name back, and the next process must find this process's lock
-        under that name. Raises ControlError where another process was quicker, OSError where the
+        The removed file cannot be put back, and another process must find a locked file under that
+        name. Raises ControlError if another process has taken the lock meanwhile, OSError if the
         file cannot be made.
         """
         with _held_lock:
@@ -165,11 +165,11 @@ def default_socket_path() -> Path:
     return runtime_dir() / "engine.sock"
 
 
-def address_of(path: Path) -> Path:
-    """Return ``path`` where it is short enough for a socket; else a short path made from it.
+def socket_address(path: Path) -> Path:
+    """Return ``path``, or a short path derived from it if it is too long for a socket.
 
-    The short path lies in a folder of this user's own under the folder for temporary files. Raises
-    ControlError when that folder belongs to another user or lets others in.
+    The short path lies in a folder of this user under the folder for temporary files. Raises
+    ControlError if that folder belongs to another user or others can enter it.
     """
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 - resolve() would ask the disk
     if len(os.fsencode(absolute)) <= MAX_ADDRESS_BYTES:
@@ -216,7 +216,7 @@ def engine_pid(socket_path: Path) -> int | None:
     That process may not listen on its socket yet. None also where the system does not report the
     holder. The lock is only queried: to take it would turn away an engine that is just starting.
     """
-    found = read_holder(address_of(socket_path).with_suffix(".lock"))
+    found = read_lock_holder(socket_address(socket_path).with_suffix(".lock"))
     return None if found is None else found[0]
 
 
@@ -224,10 +224,10 @@ class EngineLock(RecordLock):
     """Lock that allows one engine only behind each socket."""
 
     def __init__(self, socket_path: Path) -> None:
-        super().__init__(address_of(socket_path).with_suffix(".lock"), f"{os.getpid()}\n")
+        super().__init__(socket_address(socket_path).with_suffix(".lock"), f"{os.getpid()}\n")
 
     def refusal(self, holder_words: str) -> str:
-        """Return the message to a second engine, which finds the lock held."""
+        """Return the error message for a second engine that finds the lock held."""
         return (
             f"an engine is already running (process {holder_words.strip() or 'unknown'}): "
             "'rsoconsole console' attaches to it"
@@ -249,7 +249,7 @@ class MountLock(RecordLock):
         self._mount = indi.mount
 
     def refusal(self, holder_words: str) -> str:
-        """Return the message to a second engine, which finds the lock held."""
+        """Return the error message for a second engine that finds the lock held."""
         pid, socket = holder_words.partition("\n")[0], _socket_in(holder_words)
         return (
             f"an engine already drives {self._mount} (process {pid or 'unknown'}):"
@@ -273,15 +273,18 @@ def running_engines() -> list[RunningEngine]:
     except OSError:
         return []
     for path in paths:
-        known = read_holder(path)
+        known = read_lock_holder(path)
         if known is not None:
             pid, said = known
             found.append(RunningEngine(pid, _socket_in(said)))
     return found
 
 
-def engine_at(socket: Path) -> RunningEngine | None:
-    """Return the engine whose socket has this path, even if the socket was removed; else None."""
+def running_engine_at(socket: Path) -> RunningEngine | None:
+    """Return the running engine that was started with this socket path; None if there is none.
+
+    The socket's file may be gone.
+    """
     return next((each for each in running_engines() if each.socket == socket), None)
 
 

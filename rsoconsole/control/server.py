@@ -1,9 +1,9 @@
 """The engine's end of the operator's wire.
 
 Immediate commands (``stop``, ``status``) are handled at once, on the thread of their connection.
-All others wait in one queue for one thread; a command that has waited longer than its sender does
-is not carried out any more. An answer that waits for the mount has a short thread of its own, so
-that the commands behind it need not wait.
+All others wait in one queue for one thread; a command is dropped once its sender has stopped
+waiting for the answer. An answer that waits for the mount has a short thread of its own, so that
+later commands need not wait.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from pathlib import Path
 
 from rsoconsole.base import ControlError
 from rsoconsole.control.commands import Stop
-from rsoconsole.control.record_lock import EngineLock, RecordLock, address_of, remove_socket
+from rsoconsole.control.record_lock import EngineLock, RecordLock, remove_socket, socket_address
 from rsoconsole.control.wire import (
     Connection,
     NotACommand,
@@ -70,7 +70,7 @@ class ControlServer:
         """
         self._handler = handler
         self._stamp = stamp
-        self._address = address_of(path)
+        self._address = socket_address(path)
         self._own_lock = EngineLock(path) if lock is None else None
         self._locks = (lock or self._own_lock, *locks)
         self._on_found = on_found
@@ -79,7 +79,6 @@ class ControlServer:
         self._connections: set[Connection] = set()
         self._later = threading.BoundedSemaphore(MAX_LATER)
         self._spare: list[Connection] = []
-        """Spare connections, the oldest first."""
         self._lock = threading.Lock()
         self._is_closing = False
         self._listener: socket.socket | None = None

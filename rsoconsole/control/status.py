@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.control.fields import as_json, read_record
+from rsoconsole.control.fields import read_record, to_json_types
 from rsoconsole.records import PairMotion, StopOutcome, UnseenMember
-from rsoconsole.words import measured_text, ordered_text
+from rsoconsole.words import measured_text, stop_order_text
 
 SCHEMA = 1
 """Version of the program's JSON, printed or answered; raised when a key changes its meaning."""
@@ -31,7 +31,7 @@ FIRST_NAMES: Mapping[str, str] = types.MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Health:
+class PartHealth:
     """Health of one part of the machine or the instruments; ``text`` says what was found."""
 
     name: str = ""
@@ -54,9 +54,7 @@ class Machine:
     has_been_under_voltage: bool | None = None
     has_been_throttled: bool | None = None
     troubles: tuple[str, ...] = ()
-    """Present faults of the machine, in words."""
     recording_medium: str | None = None
-    """Kind of disk that the session is written to."""
     recording_device: str | None = None
     recording_life_used_percent: int | None = None
     time_source: str | None = None
@@ -103,8 +101,8 @@ class LastStop:
 
     @property
     def text(self) -> str:
-        """The last STOP, its answer and the measured motion in a few words."""
-        ordered = ordered_text(self.ordered_ms, "{}", unknown="not ordered")
+        """The last STOP in a few words: times of ABORT and its answer, measured motion."""
+        ordered = stop_order_text(self.ordered_ms, "{}", unknown="not ordered")
         answered = (
             "NOT ANSWERED" if self.answered_ms is None else f"answered in {self.answered_ms:.0f} ms"
         )
@@ -115,11 +113,10 @@ class LastStop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackNow:
-    """One track after its last frame; None: not known, or not measured in that frame."""
+class TrackStatus:
+    """State of one track after its last frame; None: not known, or not measured in that frame."""
 
     track_id: int = 0
-    """The track's number in the session."""
     name: str | None = None
     """Name of the identified catalogue object; None: not identified."""
     is_lead: bool = False
@@ -159,7 +156,7 @@ class NextAim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
-    """The engine at one instant; None or empty: not known, or there is none."""
+    """State of the engine at one instant; None or empty: not known, or there is none."""
 
     state: str | None = None
     """State of the loop: IDLE, SEARCH, ACQUIRE, TRACK, COAST, LOST, MANUAL or FAULT."""
@@ -179,7 +176,6 @@ class Status:
     is_resumable: bool = False
     """True where 'resume' gives autonomy the mount; False: it has to be armed first."""
     target: str | None = None
-    """Name of the lead track's identified catalogue object."""
     ra_icrs_deg: float | None = None
     """Right ascension of the lead track at ``t_utc_ns``, ICRS."""
     dec_icrs_deg: float | None = None
@@ -217,8 +213,7 @@ class Status:
     """Time at which the shutter closes, UTC ns; None while it is closed."""
     next_start_utc_ns: int | None = None
     """Time at which the next exposure is to begin, UTC ns; None while that is not planned."""
-    tracks: tuple[TrackNow, ...] = ()
-    """All tracks, in the order of their numbers."""
+    tracks: tuple[TrackStatus, ...] = ()
     next_aim: NextAim | None = None
     """Where the exposure after the present one looks; None without a track."""
     pairs: tuple[PairMotion, ...] = ()
@@ -226,17 +221,15 @@ class Status:
     unseen: tuple[UnseenMember, ...] = ()
     """Catalogued objects that should be in the field and have no track."""
     uncatalogued: tuple[int, ...] = ()
-    """Numbers of tracks that no catalogued object explains."""
     next_limit: str | None = None
     """Name of the limit that sidereal tracking meets next; None: none within hours."""
     next_limit_utc_ns: int | None = None
     lifted: tuple[str, ...] = ()
-    """Names of the checks and limits that the operator has overridden."""
     faults: tuple[str, ...] = ()
     last_stop: LastStop | None = None
     temporary: Mapping[str, int] = field(default_factory=dict)
     """Settings changed for a number of frames, by name, with the number of frames left."""
-    health: tuple[Health, ...] = ()
+    health: tuple[PartHealth, ...] = ()
     mount_lacks: tuple[str, ...] = ()
     """Functions that the mount's driver does not offer, each with the effect on the night."""
     machine: Machine | None = None
@@ -251,7 +244,7 @@ class Status:
 def status_json(status: Status) -> dict[str, Any]:
     """Return a status for JSON: every field by its own name, and by the first version's."""
     data: dict[str, Any] = {"schema": SCHEMA}
-    for name, value in as_json(status).items():
+    for name, value in to_json_types(status).items():
         data[name] = value
         if name in FIRST_NAMES:
             data[FIRST_NAMES[name]] = value

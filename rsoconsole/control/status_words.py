@@ -3,17 +3,17 @@
 from typing import Literal
 
 from rsoconsole.control.fields import MovePreview
-from rsoconsole.control.status import NextAim, Status, TrackNow
+from rsoconsole.control.status import NextAim, Status, TrackStatus
 from rsoconsole.control.wire import one_line
 from rsoconsole.words import (
     NS_PER_S,
     altaz,
-    clock,
     direction,
     duration_words,
     format_dec,
     format_ra,
     rate_text,
+    utc_text,
 )
 
 HOLDERS = {
@@ -28,7 +28,7 @@ OLD_S = 10.0
 STANDS, NOT_KNOWN = "stands, measured", "how it moves is not known"
 
 
-def holder_words(holder: str | None, form: Literal["seat", "plain", "past"]) -> str:
+def mount_holder_words(holder: str | None, form: Literal["seat", "plain", "past"]) -> str:
     """Return the holder of the mount in words.
 
     ``form``: "seat" for the console in control, "plain" for others, "past" for a past event.
@@ -39,28 +39,31 @@ def holder_words(holder: str | None, form: Literal["seat", "plain", "past"]) -> 
 
 
 def fault_words(status: Status) -> list[str]:
-    """Return the engine's faults in words, or that none is left, and the overridden checks."""
+    """Return a line for each fault of the engine and one for the overridden checks.
+
+    In the state FAULT without a fault, a line says that its cause is over.
+    """
     words = [f"FAULT {fault}" for fault in dict.fromkeys(status.faults)]
     if status.state == "FAULT" and not words:
         words = ["the cause of the FAULT is over: arm it to go on"]
     return [*words, f"overridden: {', '.join(status.lifted)}"] if status.lifted else words
 
 
-def held_words(status: Status) -> str:
+def hold_words(status: Status) -> str:
     """Return that autonomy is on hold, and until when, in words; empty without a hold."""
     if not status.is_held:
         return ""
     return "HELD until it clears" if status.resumes_when_clear else "HELD"
 
 
-def limit_left_s(status: Status) -> float | None:
-    """Time until sidereal tracking runs into a limit, s; None: not within hours."""
+def time_to_limit_s(status: Status) -> float | None:
+    """Return the time until sidereal tracking reaches a limit, s; None: not within hours."""
     return _left_s(status, status.next_limit_utc_ns)
 
 
 def limit_words(status: Status) -> str:
-    """Return the next limit in words, with its time; empty where there is none."""
-    left_s = limit_left_s(status)
+    """Return the next limit and the time until it is reached, in words; empty: there is none."""
+    left_s = time_to_limit_s(status)
     return "" if left_s is None else f"{status.next_limit} in {left_s / 60.0:.0f} min"
 
 
@@ -91,15 +94,15 @@ def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
     if high := altaz(status.mount_alt_deg, status.mount_az_deg):
         words.append(high)
     does = motion_words(status)
-    if is_silent(status):
-        does = f"silent since {clock(status.mount_t_utc_ns)}"
+    if is_mount_silent(status):
+        does = f"silent since {utc_text(status.mount_t_utc_ns)}"
     return *words, does
 
 
 def motion_words(status: Status) -> str:
-    """Return the mount's motion in words, as measured.
+    """Return the mount's measured motion in words.
 
-    Where the motion is not measured, what the driver reports is returned and named as that.
+    If it is not measured, return what the driver reports, marked as the driver's word.
     """
     measured, claimed = _measured(status), _claimed(status)
     if status.is_parked:
@@ -133,7 +136,7 @@ def _claimed(status: Status) -> str:
     return "tracks" if status.is_tracking else "stands"
 
 
-def is_silent(status: Status) -> bool:
+def is_mount_silent(status: Status) -> bool:
     """True where the mount's last report is older than ``OLD_S``."""
     said_s = _left_s(status, status.mount_t_utc_ns)
     return said_s is not None and said_s < -OLD_S
@@ -178,17 +181,17 @@ def track_table(status: Status) -> list[str]:
     return [_HEAD, *map(_row, status.tracks)]
 
 
-def aim_parts(aim: NextAim) -> list[str]:
-    """Return the parts of a line on the next aim: policy and reason, place and time, and slew."""
+def next_aim_parts(aim: NextAim) -> list[str]:
+    """Return the next aim in four parts: policy and reason, position, time, slew."""
     return [
         f"next aim, {aim.policy}: {aim.reason}",
         direction(aim.ra_icrs_deg, aim.dec_icrs_deg),
-        clock(aim.t_utc_ns, zone=""),
+        utc_text(aim.t_utc_ns, zone=""),
         "no slew" if aim.moves_arcmin is None else f"slew {aim.moves_arcmin:.1f}′",
     ]
 
 
-def state_words(state: str, misses: int, *, is_kept: bool) -> str:
+def track_state_words(state: str, misses: int, *, is_kept: bool) -> str:
     """Return a track's state after its last frame, with "+" where the operator keeps the track.
 
     ``misses``: number of exposures in a row without a measurement.
@@ -196,11 +199,11 @@ def state_words(state: str, misses: int, *, is_kept: bool) -> str:
     return f"{state} {misses or ''}".rstrip() + ("+" if is_kept else "")
 
 
-def _row(track: TrackNow) -> str:
+def _row(track: TrackStatus) -> str:
     name = one_line(track.name or "-")
     if len(name) > NAME_COLUMNS:
         name = f"{name[: NAME_COLUMNS - 1]}…"
-    state = state_words(track.state, track.misses, is_kept=track.is_kept)
+    state = track_state_words(track.state, track.misses, is_kept=track.is_kept)
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
     age = "-" if track.age_s is None else duration_words(track.age_s)

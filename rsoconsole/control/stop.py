@@ -19,20 +19,18 @@ from rsoconsole.records import StopOutcome
 from rsoconsole.words import (
     CUT_POWER,
     STOP_PATHS,
-    answered_text,
     measured_text,
-    ordered_text,
+    stop_answer_text,
+    stop_order_text,
     unmeasured_text,
 )
 
 log = logging.getLogger(__name__)
 
 ENGINE_S = 1.0
-"""Wait for the engine's answer, s."""
 LATE_S = 0.3
 """Wait for the engine's answer before ABORT is also sent directly to the mount, s."""
 MEASURED_S = 12.0
-"""Wait for the engine's measurement of the mount's motion, s."""
 _ASK_EVERY_S = 0.25
 REMEDY = f"run 'rsoconsole stop' in another terminal; {CUT_POWER} if it moves"
 SUPERSEDED = "another order came before STOP was measured to its end"
@@ -41,11 +39,9 @@ FROM_PRESS, IN_ENGINE = "counted from the key", "counted in the engine"
 """From when a STOP's times count: from its sending, or from its arrival in the engine."""
 
 Found = Mapping[str, Any]
-"""Result of a STOP so far, as the engine answers it: is_answered, path, ms, ordered_ms, detail;
-motion and rate_deg_s once it is measured."""
+"""Result of a STOP so far: is_answered, path, ms, ordered_ms, detail; then motion, rate_deg_s."""
 DirectStop = Callable[[Callable[[Found], None]], None]
-"""Stops the mount without the engine; calls its argument with each new result, and returns when
-nothing more comes. May raise anything."""
+"""Function that stops the mount without the engine and reports each new result; may raise."""
 
 
 Phase = Literal["sent", "late", "answered", "stopped", "failed"]
@@ -56,8 +52,7 @@ class StopNews:
     """The state of a STOP, as it is passed to ``on_news``."""
 
     phase: Phase
-    """Phase; answered: by the driver, and being measured; stopped: measured to be at rest; failed:
-    it moves on, or its motion is not known."""
+    """Phase; answered: by the driver; stopped: measured at rest; failed: moves on or not known."""
     text: str
     path: str = ""
     """Connection of the answer, or of the last attempt: mount, indi or engine."""
@@ -74,12 +69,13 @@ class StopNews:
     reason: str = ""
     """Reason why the STOP failed; empty where it has not."""
     is_superseded: bool = False
-    """True where another order came before it was measured: no alarm, but nothing is known
-    either."""
+    """True where another order came before it was measured: no alarm, but nothing is known."""
 
 
-def with_time_origin(said: str, ordered_ms: float | None, since: str) -> str:
-    """Return a STOP's words, with the start of its times (``since``) if ``ordered_ms`` is known."""
+def add_time_origin(said: str, ordered_ms: float | None, since: str) -> str:
+    """Return a STOP's words; where ``ordered_ms`` is known, with what its times count from
+    (``since``).
+    """
     return said if ordered_ms is None else f"{said} ({since})"
 
 
@@ -110,7 +106,7 @@ class Stopping:
         self._past: threading.Thread | None = None
 
     def begin(self) -> None:
-        """Start the STOP; returns at once."""
+        """Start the STOP on a thread of its own, and return at once."""
         threading.Thread(target=self._by_engine, name="stop", daemon=True).start()
         late = threading.Timer(LATE_S, self._when_late)
         late.daemon = True
@@ -229,8 +225,8 @@ class Stopping:
             if self._is_answered:
                 return
             self._is_answered, self._answered_ms = True, self._ms()
-        said = answered_text(self._answered_ms, way, self._ordered_ms)
-        text = with_time_origin(f"{said}: measuring", self._ordered_ms, FROM_PRESS)
+        said = stop_answer_text(self._answered_ms, way, self._ordered_ms)
+        text = add_time_origin(f"{said}: measuring", self._ordered_ms, FROM_PRESS)
         self._say(self._news("answered", text, path))
 
     def _take_motion(self, found: Found, path: str) -> bool:
@@ -263,7 +259,7 @@ class Stopping:
             reasons = "; ".join(dict.fromkeys(self._reasons))
         if is_last:
             path = "engine" if self._directly is None else "indi"
-            ordered = ordered_text(self._ordered_ms, "{}, ")
+            ordered = stop_order_text(self._ordered_ms, "{}, ")
             state = "answered, but " if self._is_answered else "NOT ANSWERED: "
             news = self._news("failed", f"{ordered}{state}{unmeasured_text(reasons, REMEDY)}", path)
             self._say(replace(news, motion="unknown", reason=reasons))

@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
-from rsoconsole.base import ControlError, json_of
-from rsoconsole.control.command import Command, command_of, is_always_executed
+from rsoconsole.base import ControlError, parse_json
+from rsoconsole.control.command import Command, is_always_executed, make_command
 from rsoconsole.records import CommandResult
 
 SenderKind: TypeAlias = Literal["console", "script"]
 _CONSOLE = "console "
-"""Prefix of a console's name on the wire and on record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,29 +45,35 @@ class Sender:
 
     @property
     def words(self) -> str:
-        """The sender in words, as the wire and the record have it."""
+        """The sender as text, as it is written on the wire and on record."""
         return f"{_CONSOLE}{self.name}" if self.kind == "console" else self.name
 
 
-def sender_of(by: str, kind: Any = None) -> Sender:
+def parse_sender(by: str, kind: Any = None) -> Sender:
     """Return the sender that a request names.
 
-    ``kind``: None where the request states no kind; a name with a console's prefix then counts as a
-    console's.
+    ``kind``: None if the request states no kind: a console is then known by its name's prefix.
     """
     if kind == "script" or not by.startswith(_CONSOLE):
         return Sender(name=by, kind="console" if kind == "console" else "script")
     return Sender.console(by.removeprefix(_CONSOLE))
 
 
-def printable(text: str) -> str:
-    """Return text of any author without characters that would control a terminal."""
+def to_printable(text: str) -> str:
+    """Return the text with unprintable characters replaced by blanks; line breaks stay.
+
+    Texts from elsewhere could otherwise control the terminal.
+    """
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 
 def one_line(text: str) -> str:
-    """Return printable text on one line, because a new line could pass for one of the program's."""
-    return printable(text).replace("\n", " ")
+    """Return the text with line breaks and unprintable characters replaced by blanks.
+
+    A line break in a text from elsewhere could pass for the end of one of the program's own
+    lines.
+    """
+    return to_printable(text).replace("\n", " ")
 
 
 MAX_LINE_BYTES = 65536
@@ -81,7 +86,6 @@ class RequestProgress:
 
     def __init__(self) -> None:
         self.is_begun = False
-        """True once the command's execution has begun."""
         self._result: CommandResult | None = None
         self._is_settled = threading.Event()
 
@@ -98,7 +102,7 @@ class RequestProgress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """A command and its sender."""
+    """Command with its sender."""
 
     command: Command
     sender: Sender = field(default_factory=Sender)
@@ -110,7 +114,7 @@ class Request:
 
     @property
     def by(self) -> str:
-        """The sender in words, as the record has it."""
+        """The sender as text, as it is written on record."""
         return self.sender.words
 
 
@@ -120,18 +124,17 @@ ON_RECORD = "on_record"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """The outcome of a command, as it is answered on the wire."""
+    """Outcome of a command, as it is sent in the answer."""
 
     ok: bool
     message: str = ""
     """Message to the operator; the reason where ``ok`` is False."""
     data: Mapping[str, Any] = field(default_factory=dict)
-    """Data of the answer, as JSON carries it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PendingOutcome:
-    """An outcome that is still to come, within a limited time."""
+    """Outcome that is not known yet and comes within a limited time."""
 
     until_s: float
     """Monotonic time after which the outcome known by then is used, s."""
@@ -139,7 +142,7 @@ class PendingOutcome:
     """Waits for the outcome, the given number of seconds at most, and returns it."""
 
     def outcome(self, deadline: float = math.inf) -> Outcome:
-        """Wait for the outcome, until the monotonic time ``deadline`` at most, and return it."""
+        """Wait for the outcome until the monotonic time ``deadline``, s, and return it."""
         return self.wait(max(0.0, min(self.until_s, deadline) - time.monotonic()))
 
 
@@ -153,7 +156,7 @@ class NotACommand(ControlError):  # noqa: N818 -- an answer to the sender, no fa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WaitingRequest:
-    """A request under way, with the connection on which its outcome is answered."""
+    """Request that waits for its outcome, with the connection for the answer."""
 
     id: int | str | None
     request: Request
@@ -173,7 +176,7 @@ class Connection:
         )
 
     def lines(self) -> Iterator[bytes]:
-        """Yield lines as they come in; answer a line that is too long, then raise ValueError."""
+        """Yield the received lines; answer a line that is too long, and raise ValueError."""
         received = b""
         while True:
             while b"\n" not in received:
@@ -210,12 +213,12 @@ class Connection:
 
 
 def read_request(connection: Connection, line: bytes) -> WaitingRequest:
-    """Return the request in a line.
+    """Parse a line into a request that waits for its answer.
 
-    Raises NotACommand or ControlError with what is wrong with it.
+    Raises NotACommand or ControlError with the reason.
     """
     try:
-        message = json_of(line)
+        message = parse_json(line)
     except ValueError as error:
         raise ControlError(f"not a line of JSON: {error}") from error
     if not isinstance(message, dict):
@@ -238,21 +241,21 @@ def read_request(connection: Connection, line: bytes) -> WaitingRequest:
     if not isinstance(timeout_s, int | float) or not 0 < timeout_s <= 3600:
         raise ControlError("'timeout_s' lies between 0 and 3600")
     try:
-        command = command_of(verb, arguments)
+        command = make_command(verb, arguments)
     except ValueError as error:
         raise NotACommand(str(error), request_id) from error
     return WaitingRequest(
         id=request_id,
-        request=Request(command=command, sender=sender_of(by, message.get("sender"))),
+        request=Request(command=command, sender=parse_sender(by, message.get("sender"))),
         deadline=time.monotonic() + timeout_s,
         connection=connection,
     )
 
 
 def receive_line(wire: socket.socket, deadline: float) -> bytes:
-    """Return one line, received before the monotonic ``deadline``.
+    """Return one line, received before the monotonic time ``deadline``, s.
 
-    Raises OSError, of which TimeoutError is a kind.
+    Raises OSError, or its subclass TimeoutError after the deadline.
     """
     received = bytearray()
     while b"\n" not in received:
@@ -270,8 +273,8 @@ def receive_line(wire: socket.socket, deadline: float) -> bytes:
 def read_outcome(reply: bytes) -> Outcome:
     """Return the outcome in a reply line. Raises ControlError for a line that is no outcome."""
     try:
-        message = json_of(reply)
-        text = printable(str(message["message"]))
+        message = parse_json(reply)
+        text = to_printable(str(message["message"]))
         return Outcome(ok=bool(message["ok"]), message=text, data=dict(message["data"]))
     except (ValueError, KeyError, TypeError) as error:
         raise ControlError(f"the engine's answer cannot be read: {error}") from error

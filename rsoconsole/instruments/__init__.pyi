@@ -15,8 +15,8 @@ from .indi.client_choice import allowed_libraries as allowed_libraries
 from .indi.client_choice import client_library as client_library
 from .indi.indi_wire import IndiWire as IndiWire
 from .motion import SIDEREAL_ARCSEC_S as SIDEREAL_ARCSEC_S
-from .mount.mount_mirror import abilities_by as abilities_by
-from .mount.past_engine import stop_past_engine as stop_past_engine
+from .mount.mount_mirror import abilities_from_properties as abilities_from_properties
+from .mount.past_engine import stop_without_engine as stop_without_engine
 from .observatory.clock import connect_instruments as connect_instruments
 from .observatory.clock import utc_now_ns as utc_now_ns
 from .observatory.protocols import ProtocolContext as ProtocolContext
@@ -33,12 +33,12 @@ from .ports import SiteCheck as SiteCheck
 from .ports import SkyReport as SkyReport
 from .ports import SlewEnd as SlewEnd
 from .ports import StopResult as StopResult
-from .process_memory import return_freed_blocks as return_freed_blocks
+from .process_memory import return_freed_blocks_at_once as return_freed_blocks_at_once
 from .solver.index_files import IndexFile as IndexFile
-from .solver.index_files import install as install
+from .solver.index_files import folders_to_search as folders_to_search
+from .solver.index_files import install_index_files as install_index_files
 from .solver.index_files import list_index_files as list_index_files
-from .solver.index_files import needed_scales as needed_scales
-from .solver.index_files import search_dirs as search_dirs
+from .solver.index_files import needed_tycho_numbers as needed_tycho_numbers
 from .solver.index_files import series_name as series_name
 from .solver.solver import MIN_STARS as MIN_STARS
 from .solver.solver import PlateSolver as PlateSolver

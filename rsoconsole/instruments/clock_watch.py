@@ -22,8 +22,7 @@ REPEAT_WITHIN_S = 2.0
 MIN_APART_S = 0.02
 """Shortest time between two looks that is used to compute a clock's rate."""
 MAX_PACE = 10.0
-"""Largest drift, in seconds a second, of a clock that runs wrong; beyond it the clock is set,
-however often."""
+"""Largest drift, s/s, of a clock that runs wrong; beyond it the clock counts as set."""
 STEADY_S = 10.0
 """Time that a clock must run right before it is trusted again."""
 MIN_SLEEP_S = 0.5
@@ -52,8 +51,7 @@ class ClockWatch:
     def __init__(self, first: ClockReadings) -> None:
         self._last = self._reference = first
         self._paced: tuple[ClockReadings, float] | None = None
-        """Readings when the clock was last found to be off, and its drift then, in seconds a
-        second."""
+        """Readings when the clock was last found to be off, and its drift then, s/s; else None."""
         self._unsteady_since: ClockReadings | None = None
         self._steady_since = first
 
@@ -62,7 +60,7 @@ class ClockWatch:
         """True while the clock runs at the right rate; False while it runs wrong."""
         return self._unsteady_since is None
 
-    def look(self, now: ClockReadings) -> tuple[ClockFault, ...]:
+    def find_faults(self, now: ClockReadings) -> tuple[ClockFault, ...]:
         """Return the faults between the last readings and ``now``, in order."""
         last, self._last = self._last, now
         found = [self._time_fault(last, now)]

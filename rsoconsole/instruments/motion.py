@@ -1,8 +1,8 @@
-"""Measures a mount's motion from the directions that its driver reports, and from nothing else.
+"""Measurement of a mount's motion, only from the directions that its driver reports.
 
-That a driver calls the mount idle, parked or tracking is a claim. What counts is how right
-ascension and declination of date change over a span of time: a tracking mount keeps both, a mount
-at rest gains 15.04 arcsec of right ascension a second, at the pole too.
+A driver may wrongly call a mount idle, parked or tracking. So the change of right ascension and
+declination of date over a span of time is used: a tracking mount keeps both, a mount at rest gains
+15.04 arcsec of right ascension a second, at the pole too.
 """
 
 import math
@@ -16,20 +16,17 @@ MotionKind = Literal["stands", "tracks", "moves", "unknown"]
 SIDEREAL_ARCSEC_S = 15.041067
 """Rate of the right ascension of a mount that stands still, arcsec/s."""
 STEPS_ARCSEC: tuple[float, ...] = (1.5, 15.0, 90.0)
-"""Steps of reported right ascensions: INDI's base class reports changes of 1.5; drivers that read
-seconds, or tenths of a minute, have no finer ones."""
+"""Steps of reported right ascensions, arcsec: INDI's base class, seconds, tenths of a minute."""
 MIN_SPAN_S, MIN_HOST_SPAN_S = 2.0, 1.5
 MIN_REPORTS = 3
 MAX_WIDTH_ARCSEC_S = 10.0
 """Largest uncertainty of a rate (width of its interval) at which a motion is named."""
 REST_TOLERANCE_ARCSEC_S = 2.5
-"""Largest difference of a rate from a rest that counts as one: a lunar rate, a drift of a bad
-alignment."""
+"""Largest difference of a rate from a rest that counts as one, arcsec/s."""
 REPORT_DELAY_S = 0.1
 """Largest delay of one report relative to another."""
 HOST_DELAY_S = 1.0
-"""Delay of a report on a busy machine: a change that this alone explains is no motion, and no
-rest."""
+"""Delay of a report on a busy machine, s: a change that it explains is no motion, and no rest."""
 UNKNOWN_PERIOD_S = 2.0
 """Polling period assumed where the driver does not report it."""
 DRIFT_SPANS = 3.0
@@ -54,7 +51,7 @@ class Motion:
 
     @property
     def is_at_rest(self) -> bool:
-        """True when the mount is measured to stand or to track."""
+        """True where the measured motion is that of a mount that stands still or tracks."""
         return self.kind in ("stands", "tracks")
 
     @property
@@ -93,21 +90,21 @@ class MotionMeter:
         """Motion by the present reports; None: not computed yet."""
 
     @property
-    def span_s(self) -> float:
-        """Length of the span of reports from which a motion is named, s."""
+    def measuring_span_s(self) -> float:
+        """Length of the span of reports from which the kind of motion is determined, s."""
         return max(MIN_SPAN_S, 3.0 * self.period_s, _min_span_s(self._step_arcsec))
 
     @property
-    def last(self) -> DirectionReport | None:
+    def last_report(self) -> DirectionReport | None:
         """The latest report; None where there is none."""
         return self._reports[-1] if self._reports else None
 
     def begin_at(self, t_s: float) -> None:
-        """Note that an order is sent at ``t_s``: earlier reports no longer count."""
+        """Ignore reports before ``t_s``, the time at which an order is sent to the mount."""
         self._since_s, self._known = t_s, None
 
-    def forget(self) -> None:
-        """Drop all reports: they are not directions of this mount."""
+    def drop_reports(self) -> None:
+        """Drop all reports, because they may not be directions of this mount."""
         self._reports.clear()
         self._known = None
 
@@ -126,12 +123,12 @@ class MotionMeter:
         self._known = None
 
     def hold(self, t_s: float, host_s: float) -> None:
-        """Note that the driver answered at ``t_s``, and that its coordinates have not changed.
+        """Add a report of unchanged coordinates, with which the driver answered at ``t_s``.
 
-        They may be as old as its last poll of the mount, so they count as a report one polling
-        period before ``t_s``. ``host_s``: the instant ``t_s`` by the host's clock.
+        They may be as old as the driver's last poll of the mount, so the report counts as made one
+        polling period before ``t_s``. ``host_s``: the instant ``t_s`` by the host's clock.
         """
-        last, held_s = self.last, t_s - self.period_s
+        last, held_s = self.last_report, t_s - self.period_s
         if last is not None and held_s > last.t_s:
             at_host_s = max(last.host_s, host_s - self.period_s)
             same = DirectionReport(
@@ -140,14 +137,14 @@ class MotionMeter:
             self.add(same)
 
     def motion(self, t_s: float) -> Motion:
-        """Return the motion at ``t_s``; unknown where reports since the last order leave it open.
+        """Return the motion at ``t_s``; of kind "unknown" where the reports do not determine it.
 
-        Reports are coarse, so each allows an interval of directions. The constant rates that pass
-        through all intervals of the span are determined (set membership: Milanese and Vicino 1991,
-        Automatica 27, 997). Standing or tracking is named where these rates leave room for no other
-        motion.
+        Only reports since the last order count. Reports are coarse, so each allows an interval of
+        directions; the constant rates that pass through all intervals of the span are determined
+        (set membership: Milanese and Vicino 1991, Automatica 27, 997). The result is standing or
+        tracking only where these rates allow no other motion.
         """
-        if not self._reports or t_s - self._reports[-1].t_s > self.span_s + self.period_s:
+        if not self._reports or t_s - self._reports[-1].t_s > self.measuring_span_s + self.period_s:
             return Motion()
         if self._known is None:
             self._known = self._measure()
@@ -156,7 +153,7 @@ class MotionMeter:
     def _measure(self) -> Motion:
         # Reports may be coarser than they look: a driver may have turned them to another epoch.
         steps = [step for step in STEPS_ARCSEC if step >= self._step_arcsec][:2]
-        longest_s = DRIFT_SPANS * max(self.span_s, _min_span_s(steps[-1]))
+        longest_s = DRIFT_SPANS * max(self.measuring_span_s, _min_span_s(steps[-1]))
         begins_s = self._reports[-1].t_s - longest_s - 2.0 * self.period_s
         begins_host_s = self._reports[-1].host_s - 2.0 * MIN_HOST_SPAN_S
         reports = [
@@ -171,7 +168,7 @@ class MotionMeter:
         if fast is not None:
             return fast
         for step in steps:
-            span_s = max(self.span_s, _min_span_s(step))
+            span_s = max(self.measuring_span_s, _min_span_s(step))
             named = path.last(span_s).named(step)
             if named is None:
                 continue
@@ -180,9 +177,11 @@ class MotionMeter:
             # A drift that small may be a machine that is held up more and more.
             lasting = path.last(DRIFT_SPANS * span_s).named(step)
             return lasting if lasting is not None and lasting.kind == "moves" else Motion()
-        wandering = path.last(self.span_s).wandering(self._step_arcsec)
+        wandering = path.last(self.measuring_span_s).wandering(self._step_arcsec)
         # It may have come to rest since.
-        late = path.last(self.span_s / 2.0, MIN_HOST_SPAN_S / 2.0).wandering(self._step_arcsec)
+        late = path.last(self.measuring_span_s / 2.0, MIN_HOST_SPAN_S / 2.0).wandering(
+            self._step_arcsec
+        )
         return wandering if late.kind == "moves" else Motion()
 
 
@@ -312,7 +311,7 @@ def tracking_after_stop(
     was_tracking: bool,
     is_parked: bool,
 ) -> bool | None:
-    """Return the tracking state to order after a STOP; None: leave the present state.
+    """Return whether to order tracking on or off after a STOP; None: leave it as it is.
 
     ``was_slewing`` counts as tracking (unless ``was_parking``), because a completed slew ends in
     tracking, although drivers report "not tracking" during a slew.
@@ -336,8 +335,8 @@ REPEATS_FOR_S = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StopStep:
-    """What to do after one look at a STOP."""
+class StopDecision:
+    """Decision on the next action during a STOP."""
 
     sends_abort: bool = False
     news: Motion | None = None
@@ -359,8 +358,8 @@ class StopMeasure:
         self._last: Motion | None = None
         self.is_over = False
 
-    def step(self, now_s: float, motion: Motion, *, is_answered: bool) -> StopStep:
-        """Look once, at the present ``motion``; ``is_answered``: the driver has accepted ABORT."""
+    def step(self, now_s: float, motion: Motion, *, is_answered: bool) -> StopDecision:
+        """Decide what to do next at ``motion``; ``is_answered``: the driver has accepted ABORT."""
         since_s = now_s - self.began_s
         is_braking = motion.kind == "moves" and motion.host_since_s < self.began_s + BRAKES_FOR_S
         news = self._news(since_s, Motion() if is_braking else motion)
@@ -371,7 +370,7 @@ class StopMeasure:
         sends = must_repeat and not self.is_over and now_s - self._aborted_s >= REPEAT_S
         if sends:
             self._aborted_s = now_s
-        return StopStep(sends_abort=sends, news=news, is_over=self.is_over)
+        return StopDecision(sends_abort=sends, news=news, is_over=self.is_over)
 
     def _news(self, since_s: float, motion: Motion) -> Motion | None:
         last = None if self._last is None else self._last.kind

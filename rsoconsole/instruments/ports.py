@@ -1,8 +1,8 @@
 """Interfaces of clock, mount and camera, the same for every driver.
 
 Directions are ICRS degrees; epoch of date and hours exist only in the processes that speak INDI.
-Instants are UTC nanoseconds. What an instrument does not do in time raises InstrumentError, with
-the remedy in words.
+Instants are UTC nanoseconds. An instrument that does not do something in time raises
+InstrumentError, whose text names the remedy.
 """
 
 from collections.abc import Callable
@@ -14,8 +14,7 @@ from rsoconsole.records import Frame, Site
 
 PierSide = Literal["east", "west"]
 StopPath = Literal["mount", "indi"]
-"""Path of a STOP: through the mount's own process, or by a second plain connection to the INDI
-server."""
+"""Path of a STOP: the mount's own process, or a second plain connection to the INDI server."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +31,7 @@ class MountReport:
     pier_side: PierSide | None
     """Side of the pier on which the telescope is; None when the mount does not report it."""
     age_s: float = 0.0
-    """Age of the driver's report, wall clock; 0 in the simulated observatory. A mount that only
-    tracks may be silent for long."""
+    """Age of the driver's report, s, by wall clock; 0 in the simulated observatory."""
     is_parking: bool = False
     """True on the way to the park position, as the driver reports."""
     motion: Motion = field(default_factory=Motion)
@@ -45,19 +43,16 @@ class StopResult:
     """Result of a STOP so far: ABORT sent, answered by the driver, motion measured."""
 
     is_answered: bool
-    """True where the driver has accepted ABORT and claims no motion any more: no proof that it
-    stands."""
+    """True where the driver accepted ABORT and claims no motion: no proof that it stands."""
     ms: float
     """Wall time from the request until ``is_answered`` was known, or given up, ms."""
     path: StopPath
     ordered_ms: float | None = None
-    """Wall time from the request until ABORT was on its way to the mount; None: it never was, or it
-    is unknown."""
+    """Wall time, ms, from request until ABORT was on its way; None: it never was, or unknown."""
     is_tracking: bool | None = None
     """True where tracking is on, as the driver reports; None where it does not report that."""
     motion: Motion | None = None
-    """The motion measured since: it stands, tracks, still moves, or is not known. None while it
-    is being measured."""
+    """Motion measured since: stands, tracks, still moves or unknown; None: being measured."""
     measured_ms: float | None = None
     """Wall time from the request until ``motion`` was known, or given up, ms."""
     detail: str = ""
@@ -67,13 +62,13 @@ class StopResult:
 
     @property
     def rate_deg_s(self) -> float | None:
-        """Rate of the faster axis of a mount that still moves, deg/s; None for any other."""
+        """Rate of the faster axis, deg/s; None where the mount is not measured to move."""
         moves = self.motion is not None and self.motion.kind == "moves"
         return self.motion.rate_deg_s if self.motion is not None and moves else None
 
     @property
     def is_at_rest(self) -> bool:
-        """True where the mount is measured to stand or to track."""
+        """True where the measured motion is that of a mount that stands still or tracks."""
         return self.motion is not None and self.motion.is_at_rest
 
 
@@ -85,8 +80,7 @@ class MountAbilities:
     """True where motion can be ended; False: only the power switch ends a slew."""
     can_park: bool = True
     can_set_tracking: bool = True
-    """True where tracking can be set; without it tracking cannot be ended at a limit, and its state
-    is unknown."""
+    """True where tracking can be set; if not, no limit can end it, and its state is unknown."""
     has_pier_side: bool = True
     has_site: bool = True
     has_time: bool = True
@@ -121,8 +115,7 @@ class SkyReport:
     """Weather and dome at one instant, as their drivers report them."""
 
     weather: Literal["ok", "warning", "alert", "silent"] | None
-    """State of the weather; None where no station is configured; "silent" where it is and does not
-    answer."""
+    """State of the weather; None: no station is configured; "silent": it does not answer."""
     dome: Literal["open", "closed", "moving", "silent"] | None
     detail: str = ""
     """Message of the driver, or why it is silent."""
@@ -242,27 +235,27 @@ class MountPort(Protocol):
         """Return what the driver can do. Raises InstrumentError where it is not connected."""
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Renew the lease on motion: the engine watches the mount.
+        """Renew the lease on motion, because the engine watches the mount; never raises.
 
-        Without another call within ``lease_s`` (wall clock) a slew is ended, and the mount returns
+        Without another call within ``lease_s`` (wall time) a slew is ended, and the mount returns
         to sidereal tracking. At ``track_until_utc_ns`` (the instant of the next limit, by the
-        machine's clock) tracking ends, unless a later call has named a later instant. Never raises.
+        machine's clock; None: no limit) tracking ends, unless a later call has named a later
+        instant.
         """
 
     def take_slew_end(self) -> SlewEnd | None:
-        """Return, once, how the mount's process ended the last slew because nothing watched it.
-
-        None where it ended none.
-        """
+        """Return, once, how the mount's process ended an unwatched slew; None: it ended none."""
 
     def utc_offset_s(self) -> float | None:
         """Return the mount's clock minus the engine's, s; None when the mount reports no time."""
 
     def restart(self) -> None:
-        """End the process, start a new one and connect."""
+        """End the mount's process, start a new one and connect."""
 
     def close(self) -> None:
-        """End the process; the mount is left tracking at the sidereal rate, not slewing."""
+        """End the mount's process; it leaves the mount tracking at the sidereal rate, not
+        slewing.
+        """
 
 
 class CameraPort(Protocol):
@@ -278,18 +271,18 @@ class CameraPort(Protocol):
         """
 
     def set_binning(self, binning: int) -> int:
-        """Join ``binning`` times as many pixels on each axis as the camera's original setting does.
+        """Bin ``binning`` times as many pixels on each axis as in the camera's original setting.
 
         1: the original setting. To be called between exposures. Returns the binning now in force.
-        Raises InstrumentError where the camera cannot join them or is silent.
+        Raises InstrumentError where the camera cannot bin that many, or is silent.
         """
 
     def set_subframe(self, share: float) -> float:
-        """Read only the fraction ``share`` of each side of the camera's original window.
+        """Read only the middle of the camera's original window: ``share`` of each side.
 
-        About its middle; 1: the whole window. To be called between exposures. Returns the fraction
-        set, which the camera may have rounded. Raises InstrumentError where the camera cannot or is
-        silent.
+        ``share``: a fraction; 1: the whole window. To be called between exposures. Returns the
+        share now in force, which the camera may have rounded. Raises InstrumentError where the
+        camera cannot read a part of its window, or is silent.
         """
 
     def wait_frame(self, timeout_s: float) -> Frame:
@@ -307,10 +300,10 @@ class CameraPort(Protocol):
         """Abort the exposure under way; it yields no frame."""
 
     def restart(self) -> None:
-        """End the process, start a new one and connect."""
+        """End the camera's process, start a new one and connect."""
 
     def close(self) -> None:
-        """End the process and release the shared memory."""
+        """End the camera's process and release the shared memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,7 +1,8 @@
-"""Returns this process's free memory to the operating system.
+"""Return of this process's free memory to the operating system.
 
-The GNU C library adapts to blocks that are freed: after a few frames of 33 MB it takes the next
-ones from heaps that it never shrinks, one heap for each thread that held a frame.
+The GNU C library raises its thresholds as large blocks are freed: after a few frames of 33 MB it
+takes the next frames from heaps that it never shrinks, one heap for each thread that held a
+frame.
 """
 
 import ctypes
@@ -13,10 +14,10 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 _DONTNEED = 4
 
 
-def return_freed_blocks() -> bool:
-    """Make the C library return every large block to the system as soon as it is freed.
+def return_freed_blocks_at_once() -> bool:
+    """Set the C library to return every large block to the system as soon as it is freed.
 
-    Returns False where the C library cannot: then nothing has changed.
+    Returns False where the C library has no such setting: then nothing has changed.
     """
     return bool(
         _call("mallopt", _MMAP_THRESHOLD, _LARGE_BYTES)
@@ -32,11 +33,11 @@ def return_free_pages() -> bool:
     return bool(_call("malloc_trim", 0))
 
 
-def forget_contents(address: int, size: int) -> bool:
+def discard_pages(address: int, size: int) -> bool:
     """Return to the system the whole pages within a range of memory that stays allocated.
 
     Their contents are lost: they read as zeros, and may be written again. Returns False where the
-    system does not do this: then the contents are unchanged.
+    system does not do this or no page is whole: then the contents are unchanged.
     """
     first = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE
     length = (address + size) // mmap.PAGESIZE * mmap.PAGESIZE - first

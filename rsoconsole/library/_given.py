@@ -15,7 +15,7 @@ import numpy as np
 from rsoconsole.base import InputError
 from rsoconsole.config import Config, effective_settings, load_config, with_changes
 from rsoconsole.library.formats.tables import as_table
-from rsoconsole.night import Row, rows_of
+from rsoconsole.night import Row, public_table_rows
 from rsoconsole.records import TABLES, Column, Record, Site
 from rsoconsole.sky import IntArray, iso_to_utc_ns
 
@@ -70,10 +70,10 @@ ConfigLike: TypeAlias = Config | str | PathLike[str] | None
 """A configuration, the path of its file, or None for the user's own file where there is one."""
 
 
-def config_of(config: ConfigLike, overrides: dict[str, Any] | None = None) -> Config:
-    """Return the configuration that an argument stands for, with some settings replaced.
+def resolve_config(config: ConfigLike, overrides: dict[str, Any] | None = None) -> Config:
+    """Return the configuration that ``config`` stands for, with some settings replaced.
 
-    ``overrides``: values by dotted name of the setting; those that are None are left out. Raises
+    ``overrides``: values by dotted name of the setting; those that are None are ignored. Raises
     ConfigError that lists every fault.
     """
     wanted = {name: value for name, value in (overrides or {}).items() if value is not None}
@@ -82,22 +82,22 @@ def config_of(config: ConfigLike, overrides: dict[str, Any] | None = None) -> Co
     return load_config(None if config is None else Path(config).expanduser(), wanted)
 
 
-def number(value: Number, unit: str, name: str) -> float:
+def in_unit(value: Number, unit: str, name: str) -> float:
     """Convert one value to a finite float in ``unit``.
 
-    A plain number counts as being in ``unit`` already. ``name`` is what the error calls it. Raises
+    A plain number counts as being in it. ``name``: the argument's name, for error messages. Raises
     InputError.
     """
-    found = numbers(value, unit, name)
+    found = floats_in_unit(value, unit, name)
     if found.ndim:
         raise InputError(f"{name}: one value is needed, not {found.size}")
     return float(found)
 
 
-def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+def floats_in_unit(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Convert values to an array of finite floats in ``unit``.
 
-    Plain numbers count as being in ``unit`` already. ``name`` is what the error calls them. Raises
+    Plain numbers count as being in it. ``name``: the argument's name, for error messages. Raises
     InputError.
     """
     if isinstance(value, QuantityLike) and value.unit is not None:
@@ -123,7 +123,7 @@ def numbers(value: Any, unit: str, name: str) -> np.ndarray[Any, np.dtype[np.flo
 def instants_utc_ns(value: Any, name: str) -> IntArray:
     """Convert instants to UTC nanoseconds: () for a single instant, (N,) for several.
 
-    ``name`` is what the error calls them. Raises InputError for times without time scale or zone.
+    ``name``: their name in errors. Raises InputError for times without time scale or zone.
     """
     if isinstance(value, TimeLike):
         return _of_time(value, name)
@@ -165,9 +165,9 @@ def _of_datetime(value: datetime, name: str) -> int:
 
 
 def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
-    """Return (RA, Dec) of one direction, ICRS, degrees; ``name`` is what the error calls it.
+    """Return (RA, Dec) of one direction, ICRS, degrees.
 
-    Raises InputError for a value that is not one ``SkyCoord``.
+    ``name``: its name in errors. Raises InputError for a value that is not one ``SkyCoord``.
     """
     try:
         icrs = value.icrs
@@ -179,9 +179,9 @@ def direction_deg(value: SkyCoordLike, name: str) -> tuple[float, float]:
 
 
 def site_of(place: Place, name: str = "site") -> Site:
-    """Convert a place to a ``Site``; ``name`` is what the error calls it.
+    """Convert a place to a ``Site``.
 
-    Raises InputError for a value that is no place on the Earth.
+    ``name``: its name in errors. Raises InputError for a value that is no place on the Earth.
     """
     if isinstance(place, Site):
         return place
@@ -198,9 +198,9 @@ def site_of(place: Place, name: str = "site") -> Site:
                 f"{name}: {place!r}: give an EarthLocation, or (latitude, longitude, metres)"
             ) from error
         triple = (
-            number(latitude, "deg", f"{name}, latitude"),
-            number(longitude, "deg", f"{name}, longitude"),
-            number(metres, "m", f"{name}, height"),
+            in_unit(latitude, "deg", f"{name}, latitude"),
+            in_unit(longitude, "deg", f"{name}, longitude"),
+            in_unit(metres, "m", f"{name}, height"),
         )
     latitude_deg, longitude_deg, elevation_m = triple
     if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 360.0):
@@ -218,9 +218,10 @@ def site_of(place: Place, name: str = "site") -> Site:
 
 
 def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> Site:
-    """Return the caller's site, else the observations' own, else the configured site.
+    """Return the caller's site, else that of the observations, else the configured one.
 
-    ``given``: of the caller; ``own``: of the observations. Raises InputError where all are missing.
+    ``given``: of the caller; ``own``: of the observations. Raises InputError where none is
+    known.
     """
     site = own if given is None else site_of(given)
     site = configured_site(config) if site is None else site
@@ -251,7 +252,7 @@ _LOG_COLUMNS = ("seq", "t_utc_ns", "is_superseded")
 FRAME = Column(name="frame", type="text", meaning="The frame by its name.")
 
 
-def table_of(
+def records_table(
     name: str,
     records: Sequence[Record],
     meta: dict[str, Any],
@@ -260,13 +261,15 @@ def table_of(
     extra: Sequence[Column] = (),
     more: Sequence[Row] = (),
 ) -> "QTable":
-    """Return records as the public table ``name`` of a session, a ``QTable``.
+    """Return records as a ``QTable`` with the columns of a session's table ``name``.
 
     ``sessions/README.md`` describes these tables. ``names``: frame names by frame number, for an
     added first column ``frame``. ``extra``: columns to append; ``more``: their values, one mapping
     for each row.
     """
-    rows = rows_of(name, [(seq, 0, record) for seq, record in enumerate(records, start=1)])
+    rows = public_table_rows(
+        name, [(seq, 0, record) for seq, record in enumerate(records, start=1)]
+    )
     columns = [each for each in TABLES[name].columns if each.name not in _LOG_COLUMNS]
     if names is not None:
         columns.insert(0, FRAME)

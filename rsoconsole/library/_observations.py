@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.base import InputError
-from rsoconsole.library._given import Number, SkyCoordLike, instants_utc_ns, number, numbers
+from rsoconsole.library._given import Number, SkyCoordLike, floats_in_unit, in_unit, instants_utc_ns
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray
 
@@ -61,7 +61,7 @@ def expect_table(value: Any, what: str) -> Any:
     )
 
 
-def directions_of(table: Any, sigma: Number | None) -> Directions:
+def read_directions(table: Any, sigma: Number | None) -> Directions:
     """Read the directions of a table, one for each row.
 
     ``sigma``: error of the directions where the table has no column of errors, arcsec; None: such a
@@ -78,21 +78,21 @@ def directions_of(table: Any, sigma: Number | None) -> Directions:
     if np.any(np.abs(dec) > 90.0) or np.any(np.abs(ra) > 360.0):
         raise InputError("ra, dec: beyond 360 or 90 degrees: is the unit right?")
     return Directions(
-        t_utc_ns=times_of(table),
+        t_utc_ns=mid_exposure_utc_ns(table),
         ra_icrs_deg=ra % 360.0,
         dec_icrs_deg=dec,
         cov_sky_arcsec2=_covariances(table, count, sigma),
-        site=site_in(table),
+        site=site_from_meta(table),
     )
 
 
-def site_in(table: Any) -> Site | None:
+def site_from_meta(table: Any) -> Site | None:
     """Return the site in a table's ``meta``; None where it holds none.
 
     Raises InputError for a site that is not valid.
     """
     # The second: an exported table.
-    said = own_meta(table).get("site") or (getattr(table, "meta", None) or {}).get("site")
+    said = rsoconsole_meta(table).get("site") or (getattr(table, "meta", None) or {}).get("site")
     if not isinstance(said, dict):
         return None
     try:
@@ -101,7 +101,7 @@ def site_in(table: Any) -> Site | None:
         raise InputError(f"the table's meta has a site that is none: {said!r}") from error
 
 
-def own_meta(table: Any) -> dict[str, Any]:
+def rsoconsole_meta(table: Any) -> dict[str, Any]:
     """Return the metadata that ``rso.measure`` wrote into a table; empty for other tables."""
     own = (getattr(table, "meta", None) or {}).get(META)
     return own if isinstance(own, dict) else {}
@@ -121,7 +121,7 @@ def expect_one_object(table: Any) -> None:
                     f"the table holds {len(names)} objects by its column {name!r}: {listed};"
                     f" give one of them, as in table[table[{name!r}] == ...]"
                 )
-    t = times_of(table)
+    t = mid_exposure_utc_ns(table)
     if len(np.unique(t)) < len(t):
         raise InputError(
             "the table has several directions of one instant, so of several objects: rso.track"
@@ -129,7 +129,7 @@ def expect_one_object(table: Any) -> None:
         )
 
 
-def times_of(table: Any) -> IntArray:
+def mid_exposure_utc_ns(table: Any) -> IntArray:
     """Return the mid-exposure times of the rows, UTC nanoseconds, (N,). Raises InputError."""
     column = next((name for name in TIMES if name in table.colnames), None)
     if column is None:
@@ -146,7 +146,7 @@ def times_of(table: Any) -> IntArray:
     return np.atleast_1d(instants_utc_ns(values, column))
 
 
-def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | None:
+def column_in_unit(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | None:
     """Return a column converted to ``unit``, (N,); None where the table has none of ``names``.
 
     The column is a quantity called as in ``names``, or plain numbers whose name ends in the unit
@@ -166,7 +166,7 @@ def column_of(table: Any, names: tuple[str, ...], unit: str) -> FloatArray | Non
                     f"column {each!r} has no unit: table[{each!r}].unit = {unit!r} gives it one"
                 )
             plain = values if has_unit else np.asarray(values, np.float64)
-            return numbers(getattr(plain, "quantity", plain), unit, f"column {each!r}")
+            return floats_in_unit(getattr(plain, "quantity", plain), unit, f"column {each!r}")
     return None
 
 
@@ -181,7 +181,7 @@ def _directions(table: Any) -> tuple[FloatArray, FloatArray]:
         if not (np.all(np.isfinite(ra)) and np.all(np.isfinite(dec))):
             raise InputError(f"column {name!r} holds a direction that is NaN")
         return ra, dec
-    ra_deg, dec_deg = column_of(table, RAS, "deg"), column_of(table, DECS, "deg")
+    ra_deg, dec_deg = column_in_unit(table, RAS, "deg"), column_in_unit(table, DECS, "deg")
     if ra_deg is None or dec_deg is None:
         raise InputError(
             "the table has no directions: a SkyCoord column, or ra and dec with units (ra_deg and"
@@ -192,13 +192,13 @@ def _directions(table: Any) -> tuple[FloatArray, FloatArray]:
 
 def _covariances(table: Any, count: int, sigma: Number | None) -> FloatArray:
     if {"cov_ee_arcsec2", "cov_en_arcsec2", "cov_nn_arcsec2"} <= set(table.colnames):
-        parts = [column_of(table, (f"cov_{axes}",), "arcsec2") for axes in ("ee", "en", "nn")]
+        parts = [column_in_unit(table, (f"cov_{axes}",), "arcsec2") for axes in ("ee", "en", "nn")]
         found = np.stack([each for each in parts if each is not None], axis=-1)
         if np.any(found[:, 0] * found[:, 2] <= found[:, 1] ** 2):
             raise InputError("cov_ee, cov_en, cov_nn: not the covariance of a direction in a row")
         return found
-    both = column_of(table, ("sigma",), "arcsec")
-    east, north = (column_of(table, (f"sigma_{axis}",), "arcsec") for axis in ("ra", "dec"))
+    both = column_in_unit(table, ("sigma",), "arcsec")
+    east, north = (column_in_unit(table, (f"sigma_{axis}",), "arcsec") for axis in ("ra", "dec"))
     east, north = (both if each is None else each for each in (east, north))
     if east is None or north is None:
         if sigma is None:
@@ -206,7 +206,7 @@ def _covariances(table: Any, count: int, sigma: Number | None) -> FloatArray:
                 "the table states no errors: add a column 'sigma' with its unit (or sigma_ra and"
                 " sigma_dec, on the sky), or say sigma="
             )
-        plain = number(sigma, "arcsec", "sigma")
+        plain = in_unit(sigma, "arcsec", "sigma")
         east = north = np.full(count, plain)
     if np.any(east <= 0.0) or np.any(north <= 0.0):
         raise InputError("sigma: every one must be above 0")
@@ -232,7 +232,7 @@ def _listed(table: Any) -> str:
     return ", ".join(map(str, table.colnames)) or "no columns"
 
 
-def sigmas_of(cov_arcsec2: tuple[float, float, float]) -> tuple[float, float, float]:
+def covariance_sigmas(cov_arcsec2: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return (sigma_ra, sigma_dec, correlation) of a covariance on the sky; sigmas in arcsec.
 
     ``cov_arcsec2``: east-east, east-north, north-north. sigma_ra is on the sky: times cos Dec.

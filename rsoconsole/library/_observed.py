@@ -9,19 +9,19 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rsoconsole.base import InputError, value_errors_as
-from rsoconsole.library._given import ConfigLike, Number, Place, number, required_site, site_of
+from rsoconsole.library._given import ConfigLike, Number, Place, in_unit, required_site, site_of
 from rsoconsole.library._observations import (
     TableLike,
-    directions_of,
     expect_one_object,
     expect_table,
+    read_directions,
 )
 from rsoconsole.library.formats.observed import ReadOptions, read_observations
 from rsoconsole.library.notebook.session import Session
 from rsoconsole.library.tracking import Track
 from rsoconsole.night import NightTrack
 from rsoconsole.orbits import reduce_directions
-from rsoconsole.pipeline import ObservedTrack, sightings_from_measurements
+from rsoconsole.pipeline import ObservedTrack, directions_from_measurements
 from rsoconsole.records import Measurement, Site
 
 Observations: TypeAlias = str | PathLike[str] | Session | Track | NightTrack | TableLike
@@ -42,12 +42,14 @@ class CallerValues:
     config: ConfigLike = None
 
 
-def groups_of(what: Observations | Sequence[Observations], ask: CallerValues) -> list[Group]:
-    """Read observations as groups, in order, as ``rsoconsole orbit`` reads its arguments.
+def read_observation_groups(
+    what: Observations | Sequence[Observations], ask: CallerValues
+) -> list[Group]:
+    """Read observations as groups of tracks, in the order given.
 
-    A session gives one group of all its tracks, a file one group for each station. ``ask``: values
-    of the caller. Raises InputError for an argument without observations, and the errors of reading
-    files and sessions.
+    A session gives one group, all its tracks; a file one group for each station; a track or a table
+    one group. ``ask``: values given by the caller. Raises InputError for an argument without
+    observations, and the errors of reading files and sessions.
     """
     if isinstance(what, list | tuple):
         if not what:
@@ -79,7 +81,7 @@ def _groups(what: Any, ask: CallerValues) -> list[Group]:
 
 
 def _read_as(ask: CallerValues) -> ReadOptions:
-    sigma = 1.0 if ask.sigma is None else number(ask.sigma, "arcsec", "sigma")
+    sigma = 1.0 if ask.sigma is None else in_unit(ask.sigma, "arcsec", "sigma")
     if sigma <= 0.0:
         raise InputError(f"sigma: {sigma:g} arcsec must be above 0")
     return ReadOptions(
@@ -106,7 +108,7 @@ def _observed_track(
     name: str, number_: int, site: Site, taken: Sequence[Measurement]
 ) -> ObservedTrack:
     with value_errors_as(InputError):
-        seen = sightings_from_measurements(site, taken)
+        seen = directions_from_measurements(site, taken)
     return ObservedTrack(
         name=name, site=site, limits=None, seen=seen, number=number_, track_id=number_
     )
@@ -118,7 +120,7 @@ def _observed_table(value: Any, ask: CallerValues) -> ObservedTrack:
     for name, is_wanted in (("is_crossing", False), ("is_clipped", False), ("is_taken", True)):
         if name in table.colnames:
             table = table[np.asarray(table[name], bool) == is_wanted]
-    rows = directions_of(table, 1.0 if ask.sigma is None else ask.sigma)
+    rows = read_directions(table, 1.0 if ask.sigma is None else ask.sigma)
     expect_one_object(table)
     site = required_site(ask.site, rows.site, ask.config)
     with value_errors_as(InputError):

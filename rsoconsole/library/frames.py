@@ -28,16 +28,16 @@ from rsoconsole.library._given import (
     Number,
     QuantityLike,
     SkyCoordLike,
-    config_of,
     direction_deg,
+    in_unit,
     instants_utc_ns,
-    number,
-    table_of,
+    records_table,
+    resolve_config,
 )
 from rsoconsole.library.plate import PlateWCS
 from rsoconsole.pipeline import MAX_MASKED, FrameDetector, FrameSolver
 from rsoconsole.records import Detections, Frame, NotSolved
-from rsoconsole.words import no_direction
+from rsoconsole.words import direction_fault
 
 
 @runtime_checkable
@@ -57,8 +57,8 @@ Frames: TypeAlias = FrameLike | Iterable[FrameLike]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrameFacts:
-    """The caller's values about frames, which override the headers; None: as in the header."""
+class FrameOverrides:
+    """Values given by the caller that override a frame's header; None: as in the header."""
 
     extension: str | None = None
     t_start_utc_ns: npt.NDArray[np.int64] | None = None
@@ -68,20 +68,23 @@ class FrameFacts:
     pointing_deg: tuple[float, float] | None = None
 
 
-def frame_facts(
+def frame_overrides(
     *,
     extension: str | None = None,
     t_start: Instant | Iterable[Instant] | None = None,
     exposure: Number | None = None,
     scale: Number | None = None,
     pointing: SkyCoordLike | None = None,
-) -> FrameFacts:
-    """Convert the caller's values about frames to plain units. Raises InputError."""
-    exposure_s = None if exposure is None else number(exposure, "s", "exposure")
+) -> FrameOverrides:
+    """Convert the values that override frame headers to plain units.
+
+    Raises InputError.
+    """
+    exposure_s = None if exposure is None else in_unit(exposure, "s", "exposure")
     if exposure_s is not None and exposure_s <= 0.0:
         raise InputError(f"exposure: {exposure_s:g} s must be above 0")
-    scale_arcsec_px = None if scale is None else scale_of(scale, "scale")
-    return FrameFacts(
+    scale_arcsec_px = None if scale is None else scale_in_arcsec_px(scale, "scale")
+    return FrameOverrides(
         extension=extension,
         t_start_utc_ns=None if t_start is None else instants_utc_ns(t_start, "t_start"),
         exposure_s=exposure_s,
@@ -90,20 +93,22 @@ def frame_facts(
     )
 
 
-def scale_of(value: Number, name: str) -> float:
+def scale_in_arcsec_px(value: Number, name: str) -> float:
     """Convert a scale, given as an angle or as an angle a pixel, to arcsec a pixel.
 
     ``name`` is what the error calls it. Raises InputError.
     """
     unit = str(getattr(value, "unit", ""))
-    found = number(value, "arcsec / pix" if "pix" in unit else "arcsec", name)
+    found = in_unit(value, "arcsec / pix" if "pix" in unit else "arcsec", name)
     if found <= 0.0:
         raise InputError(f"{name}: {found:g} arcsec a pixel must be above 0")
     return found
 
 
-def read_given(frames: Frames, facts: FrameFacts, *, max_masked: float = 0.0) -> Iterator[Frame]:
-    """Read frames one by one, when the caller asks for the next; they are numbered from 1.
+def read_caller_frames(
+    frames: Frames, facts: FrameOverrides, *, max_masked: float = 0.0
+) -> Iterator[Frame]:
+    """Yield the caller's frames, each read when it is needed; they are numbered from 1.
 
     ``facts``: values that override the headers; ``max_masked``: largest fraction of pixels that may
     be NaN or infinite. Raises FrameError that names the frame that cannot be used, InputError for a
@@ -143,7 +148,7 @@ def _is_hdu_list(value: Any) -> bool:
 
 
 def _read_one(
-    each: Any, number_: int, count: int, facts: FrameFacts, max_masked: float
+    each: Any, number_: int, count: int, facts: FrameOverrides, max_masked: float
 ) -> Iterator[Frame]:
     if isinstance(each, str | PathLike):
         path = Path(fspath(each)).expanduser()
@@ -207,7 +212,7 @@ def _masked(
     return frame_from_array(pixels, number_, name, header=header, max_nonfinite_fraction=max_masked)
 
 
-def _with_facts(frame: Frame, facts: FrameFacts) -> Frame:
+def _with_facts(frame: Frame, facts: FrameOverrides) -> Frame:
     ra_dec = facts.pointing_deg or (frame.pointing_ra_icrs_deg, frame.pointing_dec_icrs_deg)
     return replace(
         frame,
@@ -258,22 +263,22 @@ def detect(
     >>> streaks = rso.detect("frame.fits", tau=0.2)
     >>> streaks["x_px", "y_px", "length_px", "confidence"]
     """
-    settings = config_of(config, {"detector.tau": tau, "detector.map_mode": map_mode})
-    facts = frame_facts(extension=extension, exposure=exposure, scale=scale)
+    settings = resolve_config(config, {"detector.tau": tau, "detector.map_mode": map_mode})
+    facts = frame_overrides(extension=extension, exposure=exposure, scale=scale)
     detector = FrameDetector(settings)
     found: list[Detections] = []
     names: dict[int, str] = {}
     notes: dict[str, None] = {}
-    for frame in read_given(frames, facts):
+    for frame in read_caller_frames(frames, facts):
         detections, words = detector.detect(frame)
         found.append(detections)
         names[frame.frame_id] = frame.name
         notes |= dict.fromkeys(f"{frame.name}: {each}" for each in words)
     meta: dict[str, Any] = {"frames": list(names.values()), "notes": list(notes)}
-    return table_of("detections", found, meta, names=names)
+    return records_table("detections", found, meta, names=names)
 
 
-class Hints(TypedDict, total=False):
+class SolveKeywords(TypedDict, total=False):
     """Keyword arguments of ``solve``."""
 
     center: SkyCoordLike | None
@@ -286,11 +291,11 @@ class Hints(TypedDict, total=False):
 
 
 @overload
-def solve(frames: FrameLike, **hints: Unpack[Hints]) -> PlateWCS: ...
+def solve(frames: FrameLike, **hints: Unpack[SolveKeywords]) -> PlateWCS: ...
 
 
 @overload
-def solve(frames: Sequence[FrameLike], **hints: Unpack[Hints]) -> list[PlateWCS]: ...
+def solve(frames: Sequence[FrameLike], **hints: Unpack[SolveKeywords]) -> list[PlateWCS]: ...
 
 
 def solve(
@@ -324,14 +329,16 @@ def solve(
     >>> wcs.pixel_to_world(120.0, 80.5), wcs.matched, wcs.rms
     """
     place = _place(center, ra, dec)
-    radius_deg = None if radius is None else number(radius, "deg", "radius")
+    radius_deg = None if radius is None else in_unit(radius, "deg", "radius")
     if radius_deg is not None and not 0.0 < radius_deg <= 180.0:
         raise InputError(f"radius: {radius_deg:g} deg must be above 0, and 180 at most")
-    settings = config_of(config)
+    settings = resolve_config(config)
     scales = _scales(scale, settings.solver.scale_tolerance)
     found: list[PlateWCS] = []
     with FrameSolver.open(settings) as solver:
-        for frame in read_given(frames, frame_facts(extension=extension), max_masked=MAX_MASKED):
+        for frame in read_caller_frames(
+            frames, frame_overrides(extension=extension), max_masked=MAX_MASKED
+        ):
             solved = solver.solve(
                 frame,
                 ra_icrs_deg=None if place is None else place[0],
@@ -367,8 +374,8 @@ def _place(
         return direction_deg(center, "center")
     if ra is None or dec is None:
         return None
-    ra_deg, dec_deg = number(ra, "deg", "ra"), number(dec, "deg", "dec")
-    if fault := no_direction(ra_deg, dec_deg):
+    ra_deg, dec_deg = in_unit(ra, "deg", "ra"), in_unit(dec, "deg", "dec")
+    if fault := direction_fault(ra_deg, dec_deg):
         raise InputError(fault)
     return ra_deg % 360.0, dec_deg
 
@@ -382,12 +389,12 @@ def _scales(
     if isinstance(scale, tuple):
         if len(scale) != 2:
             raise InputError("scale: one value, or the lowest and the highest")
-        low, high = scale_of(scale[0], "scale"), scale_of(scale[1], "scale")
+        low, high = scale_in_arcsec_px(scale[0], "scale"), scale_in_arcsec_px(scale[1], "scale")
     elif isinstance(scale, QuantityLike) and getattr(scale, "shape", ()) == (2,):
         pair: Any = scale
-        low, high = scale_of(pair[0], "scale"), scale_of(pair[1], "scale")
+        low, high = scale_in_arcsec_px(pair[0], "scale"), scale_in_arcsec_px(pair[1], "scale")
     else:
-        middle = scale_of(scale, "scale")
+        middle = scale_in_arcsec_px(scale, "scale")
         low, high = middle * (1.0 - tolerance), middle * (1.0 + tolerance)
     if low > high:
         raise InputError(f"scale: the lowest, {low:g}, is above the highest, {high:g}")

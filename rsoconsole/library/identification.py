@@ -9,9 +9,9 @@ import numpy as np
 
 from rsoconsole.base import InputError, OrbitError
 from rsoconsole.config import CatalogueConfig
-from rsoconsole.library._given import ConfigLike, Number, Place, config_of, number
+from rsoconsole.library._given import ConfigLike, Number, Place, in_unit, resolve_config
 from rsoconsole.library._observations import TableLike
-from rsoconsole.library._observed import CallerValues, Observations, groups_of
+from rsoconsole.library._observed import CallerValues, Observations, read_observation_groups
 from rsoconsole.library.known_orbit import Orbit
 from rsoconsole.library.notebook.session import Session
 from rsoconsole.library.tracking import Track, Tracks
@@ -19,8 +19,8 @@ from rsoconsole.night import NightTrack
 from rsoconsole.orbits import CatalogueEntry, MeasuredDirections, identify_jointly, parse_catalogue
 from rsoconsole.orbits import Identification as Found
 from rsoconsole.pipeline import (
-    elements_used,
-    errors_of,
+    catalogue_errors,
+    choose_element_files,
     identification_report,
     longest_arc,
     read_catalogue,
@@ -203,16 +203,16 @@ def identify(
     >>> name = rso.identify(found, tle="catalogue.tle")
     >>> name.verdict, name.name, name.matches["name", "separation", "probability"]
     """
-    gate_deg = number(gate, "deg", "gate")
+    gate_deg = in_unit(gate, "deg", "gate")
     if not 0.0 < gate_deg <= 5.0:
         raise InputError(f"gate: {gate_deg:g} deg must be above 0, and 5 at most")
-    catalogue = config_of(config).catalogue
+    catalogue = resolve_config(config).catalogue
     entries = _entries(tle, observations, catalogue)
     ask = CallerValues(sigma=sigma, site=site, target=target, radians=radians, config=config)
     seen, where, chosen = _seen(observations, ask, track)
     arcs = {name: longest_arc(each) for name, each in seen.items()}
     named = identify_jointly(
-        list(arcs.values()), where, entries, gate_deg=gate_deg, errors=errors_of(catalogue)
+        list(arcs.values()), where, entries, gate_deg=gate_deg, errors=catalogue_errors(catalogue)
     )
     found = {
         name: Identification(each, arc)
@@ -230,11 +230,11 @@ def _seen(
     if isinstance(what, Mapping):
         if not what:
             raise InputError("no tracks: nothing was followed")
-        groups = [groups_of(each, ask)[0][0] for each in what.values()]
+        groups = [read_observation_groups(each, ask)[0][0] for each in what.values()]
         numbers = list(what)
     else:
         # One station's, which has most.
-        tracks = max(groups_of(what, ask), key=lambda group: len(group[0].seen))
+        tracks = max(read_observation_groups(what, ask), key=lambda group: len(group[0].seen))
         groups = list(tracks)
         numbers = [each.number if each.track_id is None else each.track_id for each in tracks]
     seen = {n: each.seen for n, each in zip(numbers, groups, strict=True)}
@@ -262,5 +262,5 @@ def _entries(
         path = what.path if isinstance(what, Session) else Path()
         if isinstance(what, str | PathLike):
             path = Path(fspath(what)).expanduser()
-        files = list(elements_used(path, catalogue.tle_files, "tle=").files)
+        files = list(choose_element_files(path, catalogue.tle_files, "tle=").files)
     return read_catalogue(files)

@@ -8,9 +8,16 @@ import numpy as np
 
 from rsoconsole.base import InputError, OrbitError
 from rsoconsole.library._given import ConfigLike, Instant, Number, Place, instants_utc_ns, site_of
-from rsoconsole.library._observed import CallerValues, Observations, groups_of
-from rsoconsole.library.formats.tables import utc_time
-from rsoconsole.orbits import ANALYST_NUMBERS, MeasuredDirections, PriorName, omm, period_s, predict
+from rsoconsole.library._observed import CallerValues, Observations, read_observation_groups
+from rsoconsole.library.formats.tables import to_astropy_time
+from rsoconsole.orbits import (
+    ANALYST_NUMBERS,
+    MeasuredDirections,
+    PriorName,
+    omm_message,
+    period_s,
+    predict,
+)
 from rsoconsole.orbits import Orbit as Determined
 from rsoconsole.pipeline import (
     FittedElements,
@@ -53,7 +60,7 @@ class Orbit:
 
     @property
     def label(self) -> Label:
-        """Label of how well the directions determine the orbit; ``reason`` gives the grounds."""
+        """Label for how well the directions determine the orbit; ``reason`` explains it."""
         return self._orbit.label
 
     @property
@@ -94,7 +101,7 @@ class Orbit:
 
     @property
     def parts(self) -> tuple[OrbitArc, ...]:
-        """The arcs; each after the first with the probability that it is of the same object."""
+        """Arcs, each after the first with the probability that it shows the same object."""
         return self._found.parts
 
     # -- what it is ------------------------------------------------------------------------------
@@ -102,7 +109,7 @@ class Orbit:
     @property
     def epoch(self) -> "Time":
         """Epoch of state and elements, UTC."""
-        return utc_time(np.asarray(self._orbit.epoch_utc_ns))
+        return to_astropy_time(np.asarray(self._orbit.epoch_utc_ns))
 
     @property
     def a(self) -> "Quantity":
@@ -197,7 +204,7 @@ class Orbit:
         r, v = (each.T.reshape(3, *t.shape) for each in self._orbit.states(np.atleast_1d(t)))
         velocity = CartesianDifferential(v * units.km / units.s)
         at = CartesianRepresentation(r * units.km, differentials=velocity)
-        return SkyCoord(at, frame=GCRS(obstime=utc_time(t)))
+        return SkyCoord(at, frame=GCRS(obstime=to_astropy_time(t)))
 
     def predict(self, times: Instant, site: Place | None = None) -> "QTable":
         """Return a table of predicted directions at these times, with errors, a row an instant.
@@ -228,7 +235,7 @@ class Orbit:
         cos_dec = np.cos(np.radians(places.dec_icrs_deg))
         arcsec_s = units.arcsec / units.s
         table = QTable(meta={"label": self.label, "epoch": self.epoch.isot, "frame": "ICRS"})
-        table["time"] = utc_time(t)
+        table["time"] = to_astropy_time(t)
         table["direction"] = SkyCoord(
             places.ra_icrs_deg, places.dec_icrs_deg, unit="deg", frame="icrs"
         )
@@ -248,9 +255,9 @@ class Orbit:
     def tle(self, *, norad_id: int | None = None, name: str = "UNKNOWN", cospar: str = "") -> str:
         """Return elements for SGP4 as text: a line with ``name``, then two lines; TEME.
 
-        ``norad_id``: None for an analyst's number. ``cospar``: as ``2009-064A``. Raises OrbitError
-        where the orbit is not known well enough for elements, SGP4 does not follow it, or the
-        number does not fit into the lines.
+        ``norad_id``: catalogue number; None: a number for unknown objects. ``cospar``: as
+        ``2009-064A``. Raises OrbitError where the orbit is not known well enough for elements,
+        where SGP4 does not reproduce it, and where the number does not fit into the lines.
         """
         fitted = self._fitted(norad_id, name, cospar)
         if fitted.tle is None:
@@ -273,7 +280,7 @@ class Orbit:
         fitted = self._fitted(norad_id, name, cospar)
         if fitted.mean is None:
             raise OrbitError(f"no elements: {fitted.reason}")
-        return omm(fitted.mean, created_utc_ns=time.time_ns(), form=form)
+        return omm_message(fitted.mean, created_utc_ns=time.time_ns(), form=form)
 
     def report(self) -> dict[str, Any]:
         """Return the report of ``rsoconsole orbit --json``, without predictions and elements."""
@@ -354,7 +361,7 @@ def orbit(
     ask = CallerValues(
         sigma=sigma, site=site, track=track, target=target, radians=radians, config=config
     )
-    groups = groups_of(observations, ask)
+    groups = read_observation_groups(observations, ask)
     if method == "gooding":
         if len(groups) > 1:
             raise InputError("gooding takes one session, file or track")

@@ -11,13 +11,13 @@ from rsoconsole.library._given import (
     Number,
     Place,
     SkyCoordLike,
-    config_of,
     configured_site,
+    records_table,
+    resolve_config,
     site_of,
-    table_of,
 )
-from rsoconsole.library._observations import META, sigmas_of
-from rsoconsole.library.frames import Frames, frame_facts, read_given
+from rsoconsole.library._observations import META, covariance_sigmas
+from rsoconsole.library.frames import Frames, frame_overrides, read_caller_frames
 from rsoconsole.pipeline import Reduction, frame_taken_record, open_reducer
 from rsoconsole.records import Column, Frame, Measurement, NotSolved, Record, Solution
 from rsoconsole.session import encode
@@ -72,9 +72,9 @@ def measure(
     >>> measured = rso.measure(sorted(Path("night").glob("*.fits")), site=(47.1, 8.52, 620.0))
     >>> measured["t_mid_utc", "direction", "sigma_ra_arcsec"]
     """
-    settings = config_of(config, {"detector.tau": tau})
+    settings = resolve_config(config, {"detector.tau": tau})
     place = configured_site(config) if site is None else site_of(site)
-    facts = frame_facts(
+    facts = frame_overrides(
         extension=extension, t_start=t_start, exposure=exposure, scale=scale, pointing=pointing
     )
     taken: list[Measurement] = []
@@ -84,7 +84,7 @@ def measure(
     records: list[list[list[str]]] = []
     notes: dict[str, None] = {}
     with open_reducer(settings) as (reducer, _):
-        for frame in read_given(frames, facts):
+        for frame in read_caller_frames(frames, facts):
             _expect_time(frame)
             reduction = reducer.reduce(frame)
             names[frame.frame_id] = frame.name
@@ -93,14 +93,14 @@ def measure(
             notes |= dict.fromkeys(f"{frame.name}: {c.words}" for c in reduction.cautions)
             for each in reduction.measurements:
                 taken.append(each)
-                values = (*sigmas_of(each.cov_sky_arcsec2), frame.exposure_s)
+                values = (*covariance_sigmas(each.cov_sky_arcsec2), frame.exposure_s)
                 more.append(dict(zip((c.name for c in SIGMAS), values, strict=True)))
     meta = {
         "frames": shown,
         "notes": list(notes),
         META: {"site": None if place is None else asdict(place), "frames": records},
     }
-    return table_of("measurements", taken, meta, names=names, extra=SIGMAS, more=more)
+    return records_table("measurements", taken, meta, names=names, extra=SIGMAS, more=more)
 
 
 def _expect_time(frame: Frame) -> None:

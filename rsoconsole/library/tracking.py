@@ -1,4 +1,4 @@
-"""``rso.track``: groups measurements by object, with the same fold as the live tracker."""
+"""``rso.track``: groups measurements by object, with the code of the live tracker."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -8,22 +8,35 @@ import numpy as np
 
 from rsoconsole.base import InputError, SessionError
 from rsoconsole.config import Config, Preset, SiteConfig
-from rsoconsole.library._given import ConfigLike, Number, Place, config_of, required_site, table_of
+from rsoconsole.library._given import (
+    ConfigLike,
+    Number,
+    Place,
+    records_table,
+    required_site,
+    resolve_config,
+)
 from rsoconsole.library._observations import (
     META,
     Directions,
     TableLike,
-    column_of,
-    directions_of,
+    column_in_unit,
+    covariance_sigmas,
     expect_table,
-    own_meta,
     plain_column,
-    sigmas_of,
+    read_directions,
+    rsoconsole_meta,
 )
-from rsoconsole.library.frames import frame_facts
+from rsoconsole.library.frames import frame_overrides
 from rsoconsole.library.measurement import SIGMAS
 from rsoconsole.night import NightTrack, frames_of, tracks_of
-from rsoconsole.pipeline import FrameObservations, Orbits, StarHistory, fold, shutter_mid_utc_ns
+from rsoconsole.pipeline import (
+    FrameObservations,
+    Orbits,
+    StarHistory,
+    fold_frame,
+    mid_exposure_utc_ns,
+)
 from rsoconsole.records import (
     Detections,
     FrameTaken,
@@ -64,20 +77,22 @@ class Track:
         """Measurements of the track in order of time, in the columns of ``rso.measure``."""
         rows = self._found.measurements
         more = [
-            dict(zip((c.name for c in SIGMAS[:3]), sigmas_of(m.cov_sky_arcsec2), strict=True))
+            dict(
+                zip((c.name for c in SIGMAS[:3]), covariance_sigmas(m.cov_sky_arcsec2), strict=True)
+            )
             for m in rows
         ]
         meta = {"track": self.number, META: {"site": asdict(self.site)}}
-        return table_of("measurements", rows, meta, extra=SIGMAS[:3], more=more)
+        return records_table("measurements", rows, meta, extra=SIGMAS[:3], more=more)
 
     @property
     def states(self) -> "QTable":
         """States of the filter, one a row, with covariance (4, 4), innovation and NIS."""
-        return table_of("track", self._found.states, {"track": self.number})
+        return records_table("track", self._found.states, {"track": self.number})
 
     @property
     def orbit(self) -> OrbitEstimate | None:
-        """Last orbit found during tracking; None without one. ``rso.orbit`` fits all directions."""
+        """Last orbit fitted during tracking, or None. ``rso.orbit`` fits one to all directions."""
         return self._found.orbit
 
     @property
@@ -132,21 +147,20 @@ class Tracks(dict[int, Track]):
         """Records in order, as in a session's log."""
 
     def table(self, name: str) -> "QTable":
-        """Return one of a session's tables of all tracks, e.g. ``"misses"``, ``"not_followed"``.
+        """Return a table with rows of all tracks, named as in a session, e.g. ``"misses"``.
 
         Raises InputError for an unknown name.
         """
         if name not in _TABLES:
             raise InputError(f"there is no table {name!r}; there are {', '.join(_TABLES)}")
-        return table_of(name, self.records, {"table": name})
+        return records_table(name, self.records, {"table": name})
 
 
 _ENDS = ("ra_a_icrs_deg", "dec_a_icrs_deg", "ra_b_icrs_deg", "dec_b_icrs_deg")
 MIN_MORE = 3
 """Fewest measurements of a track that a further telescope finds: two may agree by chance."""
 USUAL_EXPOSURE_S = 0.1
-"""Exposure of observations that state none: they have no ends and count as points, as in short
-exposures. In a long one a fast object is a streak, which no point can be."""
+"""Exposure, s, of observations that state none: they have no ends and count as points."""
 
 
 def track(
@@ -158,7 +172,7 @@ def track(
     preset: Preset | None = None,
     config: ConfigLike = None,
 ) -> Tracks:
-    """Follow moving objects through measurements, as the telescope would have followed them.
+    """Group measurements into tracks of moving objects, as the live tracker would.
 
     ``measurements``: the table of ``rso.measure``, or a table of your own (also a pandas data
     frame) with these columns:
@@ -168,20 +182,19 @@ def track(
     - errors as ``sigma``, or as ``sigma_ra`` (on the sky), ``sigma_dec`` and ``correlation``;
     - ``exposure_s`` and ``confidence`` where known.
 
-    Columns have a unit, or its name at the end of theirs (``ra_deg``, ``sigma_arcsec``). Rows of
-    the same instant belong to one frame; a table may hold several objects.
+    A column has a unit, or ends with the name of one (``ra_deg``, ``sigma_arcsec``). Rows of the
+    same instant belong to one frame; a table may hold several objects.
 
     ``site``: an ``EarthLocation`` or (latitude, longitude east positive, metres); None: the table's
     own, else the configured site. ``exposure`` (s; None: 0.1), ``sigma`` (arcsec): for rows that
     state none. ``preset``: of the filter; ``config``: all further settings.
 
-    The telescope goes with the object that it follows, and leaves objects that move differently.
-    Their measurements are followed by a further telescope, and so on, until no three measurements
-    or more agree on one motion.
+    The first run follows the objects that move together. Measurements that no track used are then
+    tracked in further runs, until fewer than three measurements agree on one motion.
 
-    Returns a dict of ``rso.Track`` by number from 1, in the order in which the tracks began,
-    telescope after telescope; empty where no measurements agree on one motion. ``Tracks.table``
-    gives states, misses, and measurements not taken with the reasons.
+    Returns a dict of ``rso.Track`` by number from 1, in the order in which the tracks began, run
+    after run; empty where no measurements agree on one motion. ``Tracks.table`` gives states,
+    misses, and the measurements that were not used, with the reasons.
 
     Raises InputError that says what the table lacks, ConfigError.
 
@@ -189,18 +202,18 @@ def track(
     >>> tracks[1].measurements["t_mid_utc", "direction"], tracks[1].residual_rms
     """
     table = expect_table(measurements, "table of measurements")
-    if not len(table) and own_meta(table):
+    if not len(table) and rsoconsole_meta(table):
         return Tracks({}, ())  # frames that show nothing
-    rows = directions_of(table, sigma)
+    rows = read_directions(table, sigma)
     where = required_site(site, rows.site, config)
-    settings = _at_site(config_of(config, {"filter.preset": preset}), where)
-    exposure_s = frame_facts(exposure=exposure).exposure_s
+    settings = _at_site(resolve_config(config, {"filter.preset": preset}), where)
+    exposure_s = frame_overrides(exposure=exposure).exposure_s
     frames = list(_frames(table, rows, settings, exposure_s))
-    records = tuple(followed(frames, settings))
+    records = tuple(tracking_records(frames, settings))
     found = tracks_of(frames_of(records))
     left, last = _left(frames, found.values()), max(found, default=0)
     while left:
-        more = tuple(followed(left, settings, last_track_id=last))
+        more = tuple(tracking_records(left, settings, last_track_id=last))
         tracks = {
             n: t for n, t in tracks_of(frames_of(more)).items() if len(t.measurements) >= MIN_MORE
         }
@@ -226,24 +239,24 @@ def _left(
     return left if sum(bool(each.measurements) for each in left) >= MIN_MORE else []
 
 
-def followed(
+def tracking_records(
     frames: Sequence[FrameObservations], config: Config, *, last_track_id: int = 0
 ) -> Iterator[Record]:
-    """Yield the records of these frames, frame after frame, as ``process`` makes them.
+    """Yield the records that tracking makes of frames, frame after frame, as ``process`` does.
 
-    ``last_track_id``: id after which new tracks are numbered.
+    ``last_track_id``: highest track id in use; new tracks get the numbers after it.
     """
     following, stars, orbits = Following(last_track_id=last_track_id), StarHistory(), Orbits(config)
     for each in frames:
         shown = replace(each, orbits=orbits.last)
-        folded = fold(following, stars, shown, config)
+        folded = fold_frame(following, stars, shown, config)
         following, stars = folded.following, folded.stars
         solution = () if shown.solution is None else (shown.solution,)
         seen = (shown.taken, shown.detections, *solution, *shown.measurements)
         for record in (*seen, *folded.records):
             orbits.receive(record)
             yield record
-        yield from orbits.refine()
+        yield from orbits.derive_frame_records()
 
 
 def _at_site(config: Config, site: Site) -> Config:
@@ -256,7 +269,7 @@ def _frames(
 ) -> Iterator[FrameObservations]:
     """Frames in order of time, each with its rows, the most confident first."""
     confidence = plain_column(table, "confidence", float)
-    lengths = column_of(table, ("exposure",), "s")
+    lengths = column_in_unit(table, ("exposure",), "s")
     listed = _meta_frames(table)
     groups = _of_frames(rows, listed, config)
     for frame_id, (seen, members) in enumerate(groups, start=1):
@@ -308,7 +321,7 @@ def _is_within(t_utc_ns: int, mid_ns: int, seen: FrameObservations) -> bool:
 
 
 def _mid_ns(taken: FrameTaken, config: Config) -> int:
-    mid = shutter_mid_utc_ns(taken, config.exposure)
+    mid = mid_exposure_utc_ns(taken, config.exposure)
     if mid is None:
         raise InputError(f"frame {taken.name} in the table's meta has no time")
     return mid
@@ -316,7 +329,7 @@ def _mid_ns(taken: FrameTaken, config: Config) -> int:
 
 def _meta_frames(table: Any) -> list[FrameObservations]:
     """The frames in the ``meta`` of a table that ``rso.measure`` made; none for any other."""
-    said = own_meta(table).get("frames", ())
+    said = rsoconsole_meta(table).get("frames", ())
     found = []
     for each in said:
         try:

@@ -1,4 +1,4 @@
-"""A session's night, from one fold over its records: frames, tracks, log lines, figures."""
+"""A session's night, read from its records: frames, tracks, log lines, figures of merit."""
 
 from lazy_loader import attach_stub
 

@@ -1,9 +1,14 @@
-"""The followed tracks as of one record: state, last measurement, rows of plots. Pure."""
+"""Tracks followed at one record of a log: state, last measurement, rows of plots. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rsoconsole.night.frame import FrameRow, is_of_streak, predicted_sigma_arcsec, track_number
+from rsoconsole.night.frame import (
+    FrameRow,
+    is_measurement_of,
+    predicted_sigma_arcsec,
+    track_number_text,
+)
 from rsoconsole.records import (
     FOLLOWING,
     CycleTiming,
@@ -40,7 +45,6 @@ class FollowedTrack:
     since_utc_ns: int
     """Mid-exposure of the frame in which the track began, UTC nanoseconds."""
     measured_frame_id: int | None = None
-    """Number of the frame of its last measurement."""
     measured_utc_ns: int | None = None
     """Mid-exposure of its last measurement, UTC nanoseconds."""
     measured_px: tuple[float, float] | None = None
@@ -51,8 +55,7 @@ class FollowedTrack:
     snr: float | None = None
     """Integrated SNR of the last streak measured; None where its light was not measured."""
     rows: tuple[FrameRow, ...] = ()
-    """Rows of its frames, oldest first, ``MAX_ROWS`` at most: its own residual, NIS and miss in
-    each."""
+    """Rows of its frames, oldest first, at most ``MAX_ROWS``: its residual, NIS and miss."""
 
     @property
     def track_id(self) -> int:
@@ -60,22 +63,21 @@ class FollowedTrack:
         return self.state.track_id
 
     @property
-    def number(self) -> str:
+    def number_text(self) -> str:
         """Number of the track as shown on screens; the lead's has a star."""
-        return track_number(self.track_id, is_lead=self.is_lead)
+        return track_number_text(self.track_id, is_lead=self.is_lead)
 
     @property
-    def is_on_trial(self) -> bool:
+    def is_tentative(self) -> bool:
         """True while the track is not confirmed: its next miss ends it."""
         return not self.is_lead and self.state.innovations < ON_TRIAL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentTracks:
-    """The tracks of a session, as of one record."""
+    """The tracks of a session after one record of its log."""
 
     tracks: Mapping[int, FollowedTrack] = field(default_factory=dict)
-    """Followed tracks, by track id."""
     in_frame: tuple[int, ...] = ()
     """Ids of the tracks with a record in the frame being read, in the order of the records."""
     set_aside: Mapping[int, FollowedTrack] = field(default_factory=dict)
@@ -92,8 +94,8 @@ class CurrentTracks:
         """
         return tuple(n for n, at in self.dropped_in.items() if at > frame_id - TAKEN_BACK_FRAMES)
 
-    def in_order(self) -> tuple[FollowedTrack, ...]:
-        """Return the followed tracks by number; where the lead has just ended, another leads."""
+    def tracks_by_number(self) -> tuple[FollowedTrack, ...]:
+        """Return the followed tracks by number; if the lead has just ended, another is the lead."""
         lead = next((n for n, each in self.tracks.items() if each.is_lead), None)
         if lead is None:
             lead = next((n for n in self.in_frame if n in self.tracks), None)
@@ -147,7 +149,9 @@ def _with_decision(now: CurrentTracks, record: Ruling) -> CurrentTracks:
     )
 
 
-def pairs_after(before: tuple[PairMotion, ...], record: PairMotions) -> tuple[PairMotion, ...]:
+def latest_pair_motions(
+    before: tuple[PairMotion, ...], record: PairMotions
+) -> tuple[PairMotion, ...]:
     """Return the latest motion of each pair: those known before, and those of a new record.
 
     One record holds only some of many pairs. Motions older than ``PAIRS_KEPT_NS`` are left out.
@@ -231,7 +235,7 @@ def _without(rows: tuple[FrameRow, ...], frame_id: int) -> tuple[FrameRow, ...]:
 def _snr_of(taken: Measurement, found: Detections | None) -> float | None:
     """Return the SNR of the measured streak; None where its light was not measured."""
     streaks = () if found is None else (*found.detections, *(r.detection for r in found.rejected))
-    return next((each.snr or None for each in streaks if is_of_streak(each, taken)), None)
+    return next((each.snr or None for each in streaks if is_measurement_of(each, taken)), None)
 
 
 def _with_miss(now: CurrentTracks, record: Miss) -> CurrentTracks:

@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass, field, replace
 from statistics import fmean
 from typing import Any, NamedTuple
 
-from rsoconsole.night.frame import NightFrame, was_pointed_at
+from rsoconsole.night.frame import NightFrame, was_pointed_at_lead
 from rsoconsole.night.frames import NEWEST, NightFrames
-from rsoconsole.night.quality import FilterUpdate, Quality, quality_of, updates_of
+from rsoconsole.night.quality import FilterQuality, FilterUpdate, filter_quality, updates_of
 from rsoconsole.records import (
     FrameTaken,
     LoopState,
@@ -22,11 +22,10 @@ from rsoconsole.records import (
 from rsoconsole.tracking import three_sigma_deg
 
 CURVE_FRAMES = 40
-"""Number of newest frames whose NIS is in ``TrackFigures.nis_curve``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackFigures(Quality):
+class TrackFigures(FilterQuality):
     """Figures of merit of the tracks over some frames; None where no frame gives a figure."""
 
     frames: int
@@ -39,15 +38,12 @@ class TrackFigures(Quality):
     """Fraction of the frames after the first in TRACK that also ended in TRACK."""
     misses: int
     losses: int
-    """Number of times that the loop changed to LOST."""
     max_3sigma_arcmin: float | None
     """3 sigma of the most uncertain prediction, arcmin."""
     state: str
-    """The loop's state after the last frame."""
     carried_by_orbit: int = 0
     """Number of updates with a prediction from the orbit, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
-    """Number of frames that ended in each state of the loop."""
     nis_curve: tuple[float | None, ...] = ()
     """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None where not measured."""
 
@@ -68,11 +64,11 @@ class _Frame(NamedTuple):
     nis_of_lead: float | None
 
 
-class FigureSum:
-    """Sum of a night's figures of merit, to which frames are added one by one."""
+class FigureAccumulator:
+    """Accumulator of a night's figures of merit, to which frames are added one by one."""
 
     def __init__(self, *, of_lead: bool = False) -> None:
-        """Start without frames; ``of_lead``: only the lead track counts, as in ``as_recorded``."""
+        """Start without frames; ``of_lead``: only the lead counts, as in ``recorded_figures``."""
         self._of_lead = of_lead
         self._frames: dict[int, _Frame] = {}
 
@@ -100,7 +96,7 @@ class FigureSum:
             frame_id=taken.frame_id,
             t_mid_utc_ns=taken.t_mid_utc_ns,
             state=state,
-            is_chosen=not self._of_lead or was_pointed_at(folded, solution, taken),
+            is_chosen=not self._of_lead or was_pointed_at_lead(folded, solution, taken),
             updates=tuple(updates_of(tracks)),
             by_orbit=sum(r.foretold_by == "orbit" for r in tracks if r.innovation_arcsec),
             misses=sum(isinstance(record, Miss) for record in records),
@@ -112,7 +108,7 @@ class FigureSum:
     def add_recorded(self, frame: NightFrame) -> None:
         """Add a recorded frame; a frame that was not folded is ignored."""
         if frame.taken is not None and frame.fold is not None:
-            self.add(frame.taken, frame.fold.records, frame.fold.state, frame.solution)
+            self.add(frame.taken, frame.fold.records, frame.fold.state_after, frame.solution)
 
     def figures(self, last: int | None = None) -> TrackFigures:
         """Return the figures of merit of the ``last`` frames; None: of all frames."""
@@ -122,7 +118,7 @@ class FigureSum:
         widest = [f.widest_3sigma_deg for f in chosen if f.widest_3sigma_deg is not None]
         locked = next((n for n, each in enumerate(chosen) if each.state == "TRACK"), None)
         after = [] if locked is None else chosen[locked + 1 :]
-        quality = quality_of([update for each in chosen for update in each.updates])
+        quality = filter_quality([update for each in chosen for update in each.updates])
         return TrackFigures(
             **asdict(quality),
             frames=len(chosen),
@@ -139,7 +135,7 @@ class FigureSum:
         )
 
 
-def as_recorded(
+def recorded_figures(
     records: Iterable[Record], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
     """Return the figures of merit of a recorded night; ``last``: only of the last frames.
@@ -147,9 +143,9 @@ def as_recorded(
     ``of_lead``: True: of the lead track alone, without frames that missed it because the telescope
     pointed elsewhere; False: of all tracks.
     """
-    found = FigureSum(of_lead=of_lead)
-    frames = NightFrames(newest=NEWEST, on_past=found.add_recorded).take_all(records)
-    for each in frames.seen():
+    found = FigureAccumulator(of_lead=of_lead)
+    frames = NightFrames(newest=NEWEST, on_past=found.add_recorded).fold_all(records)
+    for each in frames.kept_frames():
         found.add_recorded(each)
     return found.figures(last)
 
@@ -174,31 +170,30 @@ class StateSpan:
     t_to_utc_ns: int
 
     @property
-    def seconds(self) -> float:
+    def duration_s(self) -> float:
         """Duration of the span, s."""
         return (self.t_to_utc_ns - self.t_from_utc_ns) / 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary(Quality):
+class LeadSummary(FilterQuality):
     """Figures of merit of the lead track over a night; None where no frame gives a figure."""
 
     frames: int
     followed: int
-    """Number of frames in which the lead track took a measurement."""
     misses: int
     locked_after_frames: int | None
     """Number of frames until the loop reached TRACK, that frame included; None: it never did."""
 
 
-def summary_of(frames: Sequence[NightFrame]) -> Summary:
+def lead_summary(frames: Sequence[NightFrame]) -> LeadSummary:
     """Compute the lead track's figures of merit; ``frames``: in order of time, all with a time."""
     locked = (n for n, f in enumerate(frames, 1) if any(c.after == "TRACK" for c in f.changes))
-    return Summary(
-        **asdict(quality_of(updates_of(frame.updated for frame in frames))),
+    return LeadSummary(
+        **asdict(filter_quality(updates_of(frame.updated for frame in frames))),
         frames=len(frames),
         followed=sum(frame.updated is not None for frame in frames),
-        misses=sum(frame.miss is not None for frame in frames),
+        misses=sum(frame.lead_miss is not None for frame in frames),
         locked_after_frames=next(locked, None),
     )
 

@@ -53,7 +53,7 @@ def is_outside_field(
     return not (0.0 <= x_px <= taken.width_px and 0.0 <= y_px <= taken.height_px)
 
 
-def was_pointed_at(
+def was_pointed_at_lead(
     records: Iterable[Record], solution: Solution | NotSolved | None, taken: FrameTaken
 ) -> bool:
     """Return False if a folded frame missed the lead because it was pointed elsewhere, else True.
@@ -71,7 +71,7 @@ def was_pointed_at(
     return not (is_missed and is_outside_field(predicted, solution, taken))
 
 
-class FrameFact(NamedTuple):
+class FrameQuantity(NamedTuple):
     """A quantity of image or sky quality that every frame has: its name, label, unit, format."""
 
     name: str
@@ -83,20 +83,20 @@ class FrameFact(NamedTuple):
 
 
 FRAME_FACTS = (
-    FrameFact("star_fwhm_px", "FWHM", "px", ".1f"),
-    FrameFact("background_adu", "background", "ADU", ".0f"),
-    FrameFact("zero_point_mag", "transparency, zero point", "mag", ".2f"),
-    FrameFact("star_count", "stars", "", ".0f"),
+    FrameQuantity("star_fwhm_px", "FWHM", "px", ".1f"),
+    FrameQuantity("background_adu", "background", "ADU", ".0f"),
+    FrameQuantity("zero_point_mag", "transparency, zero point", "mag", ".2f"),
+    FrameQuantity("star_count", "stars", "", ".0f"),
 )
 """Quantities of image and sky quality, in the order in which they are shown."""
 
 
-def facts_of(seen: Detections | None) -> dict[str, float | None]:
+def frame_quantities(seen: Detections | None) -> dict[str, float | None]:
     """Return a frame's values of ``FRAME_FACTS`` by name; None for a value that is not known."""
     return {each.name: getattr(seen, each.name, None) for each in FRAME_FACTS}
 
 
-def median_and_range_text(fact: FrameFact, values: Iterable[float | None]) -> str:
+def median_and_range_text(fact: FrameQuantity, values: Iterable[float | None]) -> str:
     """Format the median of a night's values and their range; empty where no value is known."""
     known = sorted(value for value in values if value is not None)
     if not known:
@@ -127,22 +127,21 @@ class FrameTrack:
     """State after the update; None where the track was not measured in the frame."""
 
     @property
-    def number(self) -> str:
+    def number_text(self) -> str:
         """Number of the track as shown; the lead's has a star."""
-        return track_number(self.track_id, is_lead=self.is_lead)
+        return track_number_text(self.track_id, is_lead=self.is_lead)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameFold:
-    """Result of the fold for one frame, in the order of the record."""
+    """Result of folding one frame into the tracks: the records made, in order."""
 
     before: LoopState
-    """The loop's state when the frame was reduced."""
     records: tuple[Record, ...] = ()
     """Records that the fold made: TrackState, NotFollowed, Miss, StateChange."""
 
     @property
-    def state(self) -> LoopState:
+    def state_after(self) -> LoopState:
         """The loop's state after the frame."""
         changes = (each.after for each in reversed(self.records) if isinstance(each, StateChange))
         return next(changes, self.before)
@@ -158,7 +157,6 @@ class NightFrame:
     state_before: LoopState | None = None
     """State of the loop when the exposure was taken; None where that is not on record."""
     tau: float = 0.0
-    """Value of the setting ``detector.tau`` in force at the exposure."""
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
     """Settings changed from the session's beginning to the processing of this frame, by name."""
     taken: FrameTaken | None = None
@@ -170,7 +168,6 @@ class NightFrame:
     updated: TrackState | None = None
     """The lead track's state after its measurement, or a new lead's first state; None: neither."""
     tracks: tuple[FrameTrack, ...] = ()
-    """Predictions and updates of all tracks in the frame."""
     not_followed: tuple[NotFollowed, ...] = ()
     misses: tuple[Miss, ...] = ()
     closeup: Closeup | None = None
@@ -182,7 +179,6 @@ class NightFrame:
     fold: FrameFold | None = None
     """Result of the fold; None for a frame that is not folded, or not yet read to its end."""
     changes: tuple[StateChange, ...] = ()
-    """Changes of the loop's state in the frame, by the fold and by others."""
     first: "NightFrame | None" = None
     """The frame before the operator's decision had it processed again; None: processed once."""
 
@@ -197,71 +193,71 @@ class NightFrame:
         return self.taken is not None and self.taken.t_mid_utc_ns is not None
 
     @property
-    def state(self) -> LoopState | None:
+    def state_after(self) -> LoopState | None:
         """The loop's state after the frame."""
         return self.changes[-1].after if self.changes else self.state_before
 
     @property
-    def found(self) -> tuple[Detection, ...]:
+    def detected_streaks(self) -> tuple[Detection, ...]:
         """Detections of the frame."""
         return () if self.detections is None else self.detections.detections
 
     @property
-    def track(self) -> TrackState | None:
+    def lead_state(self) -> TrackState | None:
         """The lead track's best state at mid-exposure: updated, else predicted; None: neither."""
         return self.updated or self.predicted
 
     @property
-    def all_measured(self) -> tuple[Measurement, ...]:
-        """Measurements of the frame, with the measurement that the operator's decision took."""
+    def all_measurements(self) -> tuple[Measurement, ...]:
+        """Measurements of the frame, then that accepted by the operator, if any."""
         taken = None if self.decision is None else self.decision.taken
         return self.measurements if taken is None else (*self.measurements, taken)
 
     @property
-    def measured(self) -> Measurement | None:
+    def lead_measured(self) -> Measurement | None:
         """The measurement that the lead track took; None where it took none."""
         named = None if self.updated is None else self.updated.measurement_id
-        return next((m for m in self.all_measured if m.measurement_id == named), None)
+        return next((m for m in self.all_measurements if m.measurement_id == named), None)
 
     @property
-    def followed(self) -> Measurement | None:
-        """The measurement chosen by the operator, else the one the lead took; None: neither."""
+    def accepted_measurement(self) -> Measurement | None:
+        """The measurement accepted by the operator, else by the lead track; None without either."""
         taken = None if self.decision is None else self.decision.taken
-        return self.measured if taken is None else taken
+        return self.lead_measured if taken is None else taken
 
     @property
-    def others(self) -> tuple[Measurement, ...]:
+    def other_measurements(self) -> tuple[Measurement, ...]:
         """Measurements of the frame that the lead track did not take."""
-        measured = self.measured
+        measured = self.lead_measured
         return tuple(m for m in self.measurements if m is not measured)
 
     @property
-    def beside(self) -> dict[int, TrackState]:
+    def other_track_states(self) -> dict[int, TrackState]:
         """Best states (updated, else predicted) of the tracks other than the lead, by track id."""
         states = {each.track_id: each.updated or each.predicted for each in self._not_led()}
         return {number: state for number, state in states.items() if state is not None}
 
     @property
-    def miss(self) -> Miss | None:
+    def lead_miss(self) -> Miss | None:
         """The lead track's miss; None where it was measured, or where there was no track."""
         others = {each.track_id for each in self._not_led()}
         own = (each for each in reversed(self.misses) if each.track_id not in others)
         return next(own, None)
 
     @property
-    def missed(self) -> str | None:
+    def lead_miss_reason(self) -> str | None:
         """Reason why the lead track was missed, in words; None where it was not missed."""
-        miss = self.miss
+        miss = self.lead_miss
         return None if miss is None else text(miss.reason)
 
     @property
     def is_miss_outside_field(self) -> bool:
         """True where the lead was missed because its predicted position was outside the field."""
-        miss = self.miss
-        return miss is not None and is_without_detection(miss) and self.is_lead_outside
+        miss = self.lead_miss
+        return miss is not None and is_without_detection(miss) and self.is_lead_outside_field
 
     @property
-    def is_lead_outside(self) -> bool:
+    def is_lead_outside_field(self) -> bool:
         """True where the lead's predicted position is outside the solved field."""
         return is_outside_field(self.predicted, self.solution, self.taken)
 
@@ -276,7 +272,9 @@ class NightFrame:
 
     def streak_of(self, measured: Measurement) -> Detection | None:
         """Return the detection of a measurement; None for a mark by hand."""
-        return next((each for each in self.found if is_of_streak(each, measured)), None)
+        return next(
+            (each for each in self.detected_streaks if is_measurement_of(each, measured)), None
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,7 +297,6 @@ class FrameRow:
     """One sigma of the innovation, arcsec; of the prediction where nothing was measured."""
     nis: float | None = None
     facts: Mapping[str, float | None] = field(default_factory=dict)
-    """Values of ``FRAME_FACTS`` of the frame, by name."""
     t_utc_ns: int | None = None
     """Start of exposure, UTC nanoseconds."""
     mount_icrs_deg: tuple[float, float] | None = None
@@ -315,7 +312,6 @@ class FrameRow:
     is_solved: bool | None = None
     """True where the frame was plate-solved; None while that is not known."""
     is_cloudy: bool = False
-    """True where the miss of the lead track in the frame is attributed to cloud."""
     is_by_orbit: bool = False
     """True where the innovation is relative to the orbit's prediction: the filter's had failed."""
 
@@ -330,15 +326,15 @@ class FrameRow:
         return self.facts.get("zero_point_mag")
 
 
-def row_of(frame: NightFrame) -> FrameRow:
+def frame_row(frame: NightFrame) -> FrameRow:
     """Return the values of a frame that the plots show."""
     seen, plate, taken, updated = frame.detections, frame.solution, frame.taken, frame.updated
-    miss, is_elsewhere = frame.miss, frame.is_miss_outside_field
+    miss, is_elsewhere = frame.lead_miss, frame.is_miss_outside_field
     hidden_by = () if miss is None or is_elsewhere else miss.reason.hidden_by
     row = FrameRow(
         frame_id=frame.frame_id,
         is_reduced=seen is not None or miss is not None,
-        confidence=max((each.confidence for each in frame.found), default=None),
+        confidence=max((each.confidence for each in frame.detected_streaks), default=None),
         miss=ELSEWHERE if is_elsewhere else None if miss is None else text(miss.reason),
         refused=_refused(frame),
         is_followed=updated is not None,
@@ -347,7 +343,7 @@ def row_of(frame: NightFrame) -> FrameRow:
         mount_icrs_deg=None if taken is None else mount_icrs_deg(taken),
         was_sought=not is_elsewhere and frame.state_before not in UNSOUGHT,
         settings=frame.settings,
-        facts=facts_of(seen),
+        facts=frame_quantities(seen),
         is_solved=None if plate is None else isinstance(plate, Solution),
         is_cloudy=any(each.kind in CLOUD for each in hidden_by),
     )
@@ -365,24 +361,24 @@ def row_of(frame: NightFrame) -> FrameRow:
     return row
 
 
-def track_number(track_id: int, *, is_lead: bool) -> str:
+def track_number_text(track_id: int, *, is_lead: bool) -> str:
     """Format a track's number; the lead's gets a star."""
     return f"{track_id}*" if is_lead else f"{track_id}"
 
 
 def predicted_sigma_arcsec(track: TrackState) -> tuple[float, float]:
-    """Return one sigma (east, north) on the sky of a state's position, arcsec."""
+    """Return the one-sigma errors (east, north) on the sky of a state's position, arcsec."""
     cos_dec = math.cos(math.radians(track.x[2]))
     east_deg = math.sqrt(max(track.P[0][0], 0.0)) * cos_dec
     return east_deg * 3600.0, math.sqrt(max(track.P[2][2], 0.0)) * 3600.0
 
 
-def outline_px(
+def uncertainty_ellipse_px(
     track: TrackState, solution: Solution, points: int
 ) -> tuple[tuple[float, float], ...]:
-    """Return the 3-sigma ellipse of a state's position as ``points`` pixels (x, y) of the frame.
+    """Return ``points`` pixels (x, y) on the 3-sigma ellipse of a state's position.
 
-    Points that do not fall on the plate (not finite) are left out.
+    Points that the plate solution cannot map (not finite) are left out.
     """
     from rsoconsole.sky import sky_to_pixel
 
@@ -399,7 +395,7 @@ def outline_px(
     return tuple((float(a), float(b)) for a, b in found[np.isfinite(found).all(axis=1)])
 
 
-def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
+def is_measurement_of(detection: Detection, measured: Measurement | None) -> bool:
     """Return True if a measurement is of this detection: within ``SAME_PLACE_PX`` on both axes."""
     return measured is not None and (
         abs(detection.x_px - measured.x_px) < SAME_PLACE_PX
@@ -408,7 +404,7 @@ def is_of_streak(detection: Detection, measured: Measurement | None) -> bool:
 
 
 def mount_icrs_deg(taken: FrameTaken) -> tuple[float, float] | None:
-    """Return the RA and Dec that the mount reported for a frame, ICRS, degrees; None: none."""
+    """Return the RA and Dec that the mount reported, ICRS degrees; None if it did not."""
     ra_deg, dec_deg = taken.pointing_ra_icrs_deg, taken.pointing_dec_icrs_deg
     return None if ra_deg is None or dec_deg is None else (ra_deg, dec_deg)
 

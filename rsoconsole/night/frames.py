@@ -1,4 +1,4 @@
-"""The fold of a session's records into its exposures, with everything on record of each."""
+"""Frames of a session, built from its records: everything on record of each exposure."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -31,9 +31,7 @@ from rsoconsole.records import (
 )
 
 NEWEST = 16
-"""Number of last frames kept whole in a long night: an operator's decision comes within twelve
-frames, a picture within a few. While a mark is made in a frame, all frames since that one are
-kept."""
+"""Number of last frames kept whole in a long night; during a mark, all since its frame."""
 MARKED_FOR = 600
 """Number of frames for which a frame with a mark under way is kept (``pipeline.frame.HELD``)."""
 TAU = "detector.tau"
@@ -50,15 +48,11 @@ class _Reading:
     state: LoopState | None = None
     settings: Mapping[str, float | int | str] = field(default_factory=dict)
     fold_state: LoopState = "SEARCH"
-    """The loop's state after the last frame that was folded."""
     awaited: int | None = None
     """Frame that was taken and not yet reduced."""
     open: int | None = None
-    """Frame whose fold is being read."""
     before: LoopState = "SEARCH"
-    """The loop's state before that fold."""
     records: list[Record] = field(default_factory=list)
-    """Records of that fold so far."""
     again: set[int] = field(default_factory=set)
     """Frames that a decision may have processed again: no change from outside came after them."""
     marked: Mapping[int, int] = field(default_factory=dict)
@@ -74,10 +68,10 @@ class _Reading:
 
 
 class NightFrames:
-    """Fold of a session's records, in order and of every kind, into its frames.
+    """Builder of a session's frames from its records, given in order and of every kind.
 
-    For speed a frame object, though frozen, is changed in place until it is shared: a frame has a
-    dozen changes, a night 50,000 frames.
+    A ``NightFrame`` is changed in place until it is shared, although its class is frozen: copies at
+    each of a dozen changes would be too slow for 50,000 frames.
     """
 
     def __init__(
@@ -117,7 +111,7 @@ class NightFrames:
         """The loop's state; None before the first record of it."""
         return self._reading.state
 
-    def take(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912
+    def fold_record(self, record: Record, t_utc_ns: int = 0) -> None:  # noqa: PLR0912
         """Fold the next record; ``t_utc_ns``: the time of the record in the log."""
         reading = self._reading
         match record:
@@ -168,31 +162,31 @@ class NightFrames:
                 if record.name == TAU and not isinstance(record.after, str):
                     reading.tau = float(record.after)
 
-    def take_all(self, records: Iterable[Record]) -> "NightFrames":
+    def fold_all(self, records: Iterable[Record]) -> "NightFrames":
         """Fold all records of a log; return this object."""
         for record in records:
-            self.take(record)
+            self.fold_record(record)
         self.close()
         return self
 
-    def of(self, frame_id: int) -> NightFrame:
+    def frame_by_id(self, frame_id: int) -> NightFrame:
         """Return the frame as recorded so far; an empty frame where it is no longer kept.
 
         Use the result at once: the next record may change it in place.
         """
         return self._frames.get(frame_id, _EMPTY)
 
-    def seen(self) -> Iterator[NightFrame]:
-        """Yield the kept frames in the order of the record; later records do not change them."""
+    def kept_frames(self) -> Iterator[NightFrame]:
+        """Yield the kept frames in order of the log; later records do not change them."""
         self._own.clear()
         yield from self._frames.values()
 
-    def keep(self) -> tuple[Any, ...]:
-        """Return the present state of the fold, for ``go_back``."""
-        return self._reading.copy(), tuple(self.seen()), self._past
+    def checkpoint(self) -> tuple[Any, ...]:
+        """Return a checkpoint of the present state, to return to later."""
+        return self._reading.copy(), tuple(self.kept_frames()), self._past
 
-    def go_back(self, kept: tuple[Any, ...]) -> None:
-        """Return to a state that ``keep`` gave, of this or of another fold of the same night."""
+    def restore(self, kept: tuple[Any, ...]) -> None:
+        """Return to a checkpoint made by this object or by another one for the same night."""
         reading, frames, self._past = kept
         self._reading = reading.copy()
         self._own.clear()
@@ -233,7 +227,7 @@ class NightFrames:
             self._reading.marked = {**self._reading.marked, frame_id: last}
 
     def _track_state(self, record: TrackState) -> None:
-        frame = self.of(record.frame_id)
+        frame = self.frame_by_id(record.frame_id)
         what = "predicted" if record.kind == "predicted" else "updated"
         of_track: dict[str, Any] = {what: record, "is_lead": record.is_lead}
         tracks = {each.track_id: each for each in frame.tracks}
@@ -244,7 +238,7 @@ class NightFrames:
 
     def _decision(self, record: Ruling) -> None:
         # Marks before this one count no more.
-        measured = self.of(record.frame_id).measurements
+        measured = self.frame_by_id(record.frame_id).measurements
         left = tuple(each for each in measured if each.source != "operator")
         self._change(record.frame_id, decision=record, measurements=left)
         self._reading.is_ruled = self._reading.is_first_again = True
@@ -252,7 +246,7 @@ class NightFrames:
     def _followed_again(self, record: FollowedAgain) -> None:
         reading, frame_id = self._reading, record.frame_id
         reading.is_ruled = False
-        frame = self.of(frame_id)
+        frame = self.frame_by_id(frame_id)
         nothing: dict[str, Any] = dict.fromkeys(
             ("tracks", "not_followed", "misses", "orbits", "names"), ()
         )
@@ -263,7 +257,7 @@ class NightFrames:
             self._open(frame_id, frame.fold.before if is_first else reading.fold_state)
 
     def _state_change(self, record: StateChange) -> None:
-        if is_from_outside(record):
+        if is_external_change(record):
             self.close()
             self._reading.again, self._reading.marked = set(), {}
             self._reading.fold_state = record.after
@@ -287,16 +281,16 @@ class NightFrames:
         reading.open, reading.before, reading.records = frame_id, before, []
 
     def close(self) -> None:
-        """End the frame whose records are being read: they are complete."""
+        """Complete the frame whose records are being read, because no more of them follow."""
         reading = self._reading
         if reading.open is None:
             return
         frame_id, reading.open, reading.awaited = reading.open, None, None
-        if reading.before not in FOLDED or not self.of(frame_id).has_time:
+        if reading.before not in FOLDED or not self.frame_by_id(frame_id).has_time:
             return
         reading.again.add(frame_id)
         fold = FrameFold(before=reading.before, records=tuple(reading.records))
-        reading.fold_state = fold.state
+        reading.fold_state = fold.state_after
         self._change(frame_id, fold=fold)
 
     def _expect(self, frame_id: int) -> None:
@@ -310,7 +304,7 @@ class NightFrames:
         name: str,
         record: Measurement | NotFollowed | Miss | OrbitEstimate | Identified | StateChange,
     ) -> None:
-        before = getattr(self.of(record.frame_id), name)
+        before = getattr(self.frame_by_id(record.frame_id), name)
         self._change(record.frame_id, **{name: (*before, record)})
 
     def _change(self, frame_id: int, **changes: Any) -> None:
@@ -328,10 +322,10 @@ class NightFrames:
 
 def frames_of(records: Iterable[Record], config: Config | None = None) -> tuple[NightFrame, ...]:
     """Return the frames of a whole log; ``config``: the settings that the session began with."""
-    return tuple(NightFrames(config).take_all(records).seen())
+    return tuple(NightFrames(config).fold_all(records).kept_frames())
 
 
-def is_from_outside(change: StateChange) -> bool:
+def is_external_change(change: StateChange) -> bool:
     """Return True if operator, instruments or limits changed the loop's state, not the fold."""
     is_between_folded = change.before in FOLDED and change.after in FOLDED
     return not is_between_folded or change.reason.kind in FROM_OUTSIDE

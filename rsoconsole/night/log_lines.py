@@ -16,9 +16,9 @@ from rsoconsole.control import (
     Seek,
     Set,
     Stop,
+    add_time_origin,
     command_words,
     one_line,
-    with_time_origin,
 )
 from rsoconsole.records import (
     DONE,
@@ -38,13 +38,13 @@ from rsoconsole.records import (
 )
 from rsoconsole.words import (
     catalogued_name,
-    clock,
     decision_text,
-    notable_streaks,
-    offset_words,
+    match_separation_words,
+    notable_streaks_words,
     short_figure,
     text,
     tracks_words,
+    utc_text,
 )
 
 Level = Literal["info", "good", "warning", "alarm"]
@@ -90,7 +90,6 @@ class LogLine:
     not_taken: str = ""
     """Kind of the reason why a measurement was not accepted; empty: no such record."""
     is_of_miss: bool = False
-    """True for a change of state caused by a miss."""
     is_wanted: bool = False
     """True for a change of state that the operator caused: to search again, or by a decision."""
     is_accepted: bool = False
@@ -113,12 +112,12 @@ class LogLine:
     """Text of the line without the tracks, operator and level that precede it."""
 
     @property
-    def whole(self) -> str:
+    def text_with_count(self) -> str:
         """Text of the line, with the number of records where it stands for several."""
         return f"{self.text} ({self.times} times)" if self.times > 1 else self.text
 
-    def of(self, tracks: tuple[int, ...]) -> "LogLine":
-        """Return the line with these tracks named before its words."""
+    def with_tracks(self, tracks: tuple[int, ...]) -> "LogLine":
+        """Return the line with the names of these tracks in front of its words."""
         return replace(self, tracks=tracks, text=f"{tracks_words(tracks)}: {self.words}")
 
 
@@ -178,7 +177,7 @@ def line_of(
         setting=record.name if isinstance(record, ParameterChange) else _setting_of(action),
     )
     track_id = record.track_id if isinstance(record, Miss | NotFollowed | Identified) else None
-    return line if track_id is None or not is_one_of_several else line.of((track_id,))
+    return line if track_id is None or not is_one_of_several else line.with_tracks((track_id,))
 
 
 def _change_of(record: Record) -> tuple[str, ...]:
@@ -233,7 +232,7 @@ def _words(record: Record) -> tuple[Level, str, str] | None:  # noqa: PLR0911 --
         case Identified():
             return _of_identified(record)
         case Detections():
-            said = notable_streaks(record.detections)
+            said = notable_streaks_words(record.detections)
             return ("info", "", f"detected: {said}") if said else None
         case OperatorAction(verb=BeginMark.verb) if record.outcome.kind == "done":
             return None
@@ -261,9 +260,11 @@ def _of_identified(record: Identified) -> tuple[Level, str, str]:
     said = f"{record.verdict}: {record.reason}"
     if record.verdict == "identified" and record.matches:
         best, *others = record.matches
-        said = f"identified: {catalogued_name(best.name, best.norad_id)}, {offset_words(best)} off"
+        name = catalogued_name(best.name, best.norad_id)
+        said = f"identified: {name}, {match_separation_words(best)} off"
         if others:
-            said += f"; then {others[0].name or others[0].norad_id} at {offset_words(others[0])}"
+            then = others[0]
+            said += f"; then {then.name or then.norad_id} at {match_separation_words(then)}"
     if record.hint:
         return "warning", "", f"{said}; {record.hint}"
     return "good" if record.verdict == "identified" else "info", "", said
@@ -274,7 +275,7 @@ def _of_action(record: OperatorAction) -> tuple[Level, str, str]:
         return "good", "NOTE: ", str(record.arguments.get("text", ""))
     by, result = f"{without_console(record.by)}: ", record.outcome
     if record.verb == Stop.verb:
-        said = with_time_origin(text(result), result.stop_ordered_ms, IN_ENGINE)
+        said = add_time_origin(text(result), result.stop_ordered_ms, IN_ENGINE)
         is_at_rest = result.stop_outcome in ("stands", "tracks")
         return "good" if is_at_rest else "alarm", by, f"STOP: {said}"
     if _is_used_mark(record):
@@ -304,9 +305,9 @@ def append_line(log: list[LogLine], line: LogLine) -> None:
     Merged into one line are:
 
     - refusals of measurements in one frame;
-    - misses in a row for the same reason;
-    - frames in a row that were not plate-solved, or lay in cloud;
-    - the same neighbour not taken in frame after frame, with the numbers of all tracks;
+    - successive misses for the same reason;
+    - successive frames that were not plate-solved, or lay in cloud;
+    - successive refusals of measurements for the same reason, with the numbers of all tracks;
     - switches of the aim between orbit and filter.
 
     A change of state replaces the miss and the alarm that led to it, and a command's outcome
@@ -370,7 +371,7 @@ def _with_turns_before(log: list[LogLine], line: LogLine) -> LogLine:
             before = log.pop(index)
             turns = before.turns + 1
             since = before.since_utc_ns or before.t_utc_ns
-            said = f"{line.words} ({turns} turns since {clock(since, 'minute', '')})"
+            said = f"{line.words} ({turns} turns since {utc_text(since, 'minute', '')})"
             return replace(line, text=said, turns=turns, since_utc_ns=since)
     return line
 
@@ -384,7 +385,7 @@ def _both(last: LogLine, line: LogLine) -> LogLine:
 def _of_both(line: LogLine, other: LogLine) -> LogLine:
     """Return the line with the tracks of both."""
     tracks = tuple(sorted({*line.tracks, *other.tracks}))
-    return line.of(tracks) if tracks else line
+    return line.with_tracks(tracks) if tracks else line
 
 
 def _goes_on(last: LogLine, line: LogLine) -> bool:

@@ -1,18 +1,18 @@
-"""The fold of a session's records into a night that can be viewed at any moment."""
+"""A session's night, built from its records, that can be viewed at any moment."""
 
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.night.current_tracks import CurrentTracks, pairs_after, tracks_after
+from rsoconsole.night.current_tracks import CurrentTracks, latest_pair_motions, tracks_after
 from rsoconsole.night.frame import (
     ELSEWHERE,
     FrameRow,
     NightFrame,
+    frame_row,
     is_without_detection,
     mount_icrs_deg,
-    row_of,
 )
 from rsoconsole.night.frames import NEWEST, NightFrames
 from rsoconsole.night.log_lines import LogLine, append_line, line_of, rejected_words
@@ -21,10 +21,10 @@ from rsoconsole.night.night_view import (
     NightCheckpoint,
     NightView,
     Pointing,
-    above_horizon,
     in_chunks,
-    is_same_name,
-    last_measured,
+    is_same_identification,
+    recent_measurements,
+    with_altaz,
 )
 from rsoconsole.records import (
     FOLLOWING,
@@ -46,7 +46,7 @@ from rsoconsole.records import (
 
 
 class Night:
-    """Fold of a session's records, in order, that gives views of the night so far."""
+    """State of a session's night, updated record by record; it gives views of the night."""
 
     def __init__(
         self,
@@ -82,35 +82,35 @@ class Night:
         """Return the night as of the last folded record."""
         rows = self._all_rows()
         if self._now.pointing is not None and self._site is not None:
-            self._now.pointing = above_horizon(self._now.pointing, self._site)
+            self._now.pointing = with_altaz(self._now.pointing, self._site)
         frame = self._now.frame
         return replace(
             self._now,
             tau=self.frames.tau,
             changed=self.frames.settings,
-            measured=last_measured(self.frames.seen(), rows),
-            tracks=self._tracks.in_order(),
+            measured=recent_measurements(self.frames.kept_frames(), rows),
+            tracks=self._tracks.tracks_by_number(),
             dropped=self._tracks.restorable_track_ids(0 if frame is None else frame.frame_id),
             rows=tuple(rows.values()),
             log=tuple(self._log),
         )
 
-    def keep(self) -> NightCheckpoint:
-        """Return a checkpoint of the night as it is now, for ``go_back``."""
+    def checkpoint(self) -> NightCheckpoint:
+        """Return a checkpoint of the night as it is now, to return to later."""
         self._kept_rows = in_chunks([*self._all_rows().values()], self._kept_rows)
         self._kept_log = in_chunks(self._log, self._kept_log)
         return NightCheckpoint(
             now=replace(self._now),
             tracks=self._tracks,
             rows=self._kept_rows,
-            frames=self.frames.keep(),
+            frames=self.frames.checkpoint(),
             log=self._kept_log,
         )
 
-    def go_back(self, kept: NightCheckpoint) -> None:
-        """Return to a checkpoint of this fold or of another fold of the same night."""
+    def restore(self, kept: NightCheckpoint) -> None:
+        """Return to a checkpoint made by this object or by another one for the same night."""
         self._now, self._tracks = replace(kept.now), kept.tracks
-        self.frames.go_back(kept.frames)
+        self.frames.restore(kept.frames)
         self._rows = {row.frame_id: row for chunk in kept.rows for row in chunk}
         self._log = [line for chunk in kept.log for line in chunk]
 
@@ -124,7 +124,7 @@ class Night:
         return self._now.seq
 
     @property
-    def slew(self) -> SlewCommand | None:
+    def last_slew(self) -> SlewCommand | None:
         """Last slew command; None before the first, and once the mount has been armed again."""
         return self._now.slew
 
@@ -134,7 +134,7 @@ class Night:
         return self._now.is_closed
 
     @property
-    def is_read(self) -> bool:
+    def is_past_read(self) -> bool:
         """True where the session's past has been read to its end."""
         return self._now.is_read
 
@@ -149,11 +149,11 @@ class Night:
 
     def frame(self, frame_id: int) -> NightFrame:
         """Return everything on record of a frame; an empty frame where it is no longer kept."""
-        return next((f for f in self.frames.seen() if f.frame_id == frame_id), NightFrame())
+        return next((f for f in self.frames.kept_frames() if f.frame_id == frame_id), NightFrame())
 
-    def newest_frames(self) -> tuple[int, ...]:
+    def newest_frame_ids(self) -> tuple[int, ...]:
         """Return the numbers of the kept frames that the camera gave, newest first."""
-        taken = [each.frame_id for each in self.frames.seen() if each.taken is not None]
+        taken = [each.frame_id for each in self.frames.kept_frames() if each.taken is not None]
         return tuple(reversed(taken))
 
     def mark_past_read(self) -> None:
@@ -164,7 +164,7 @@ class Night:
         """Mark the session as closed: no record follows."""
         self._now.is_closed = True
 
-    def take(self, t_utc_ns: int, record: Record, seq: int | None = None) -> None:
+    def fold_record(self, t_utc_ns: int, record: Record, seq: int | None = None) -> None:
         """Fold the next record; ``t_utc_ns``: time of the record.
 
         ``seq``: place of the record in the log; None: the next place.
@@ -174,33 +174,33 @@ class Night:
         now.last_utc_ns = max(t_utc_ns, now.last_utc_ns or 0) or None
         now.seq = now.seq + 1 if seq is None else seq
         named = now.identifications.get(record.track_id) if isinstance(record, Identified) else None
-        self.frames.take(record, t_utc_ns)
+        self.frames.fold_record(record, t_utc_ns)
         self._fold(record, t_utc_ns)
-        frame = self.frames.of(getattr(record, "frame_id", None) or 0)
+        frame = self.frames.frame_by_id(getattr(record, "frame_id", None) or 0)
         is_one_of_several = len(self._tracks.tracks) > 1
         self._tracks = tracks_after(
-            self._tracks, record, t_utc_ns, frame.all_measured, frame.detections
+            self._tracks, record, t_utc_ns, frame.all_measurements, frame.detections
         )
         is_blank = is_without_detection(record)
         beside = rejected_words(frame.detections, self.frames.tau) if is_blank else ""
         line = line_of(record, t_utc_ns, beside, is_one_of_several=is_one_of_several)
-        is_no_miss = is_blank and isinstance(record, Miss) and frame.is_lead_outside
+        is_no_miss = is_blank and isinstance(record, Miss) and frame.is_lead_outside_field
         if line is not None and is_no_miss:
             said = f"no miss: frame {frame.frame_id:04d} was {ELSEWHERE}"
             line = replace(line, level="info", text=said, words=said, missed=None)
-        is_news = not (isinstance(record, Identified) and is_same_name(named, record))
+        is_news = not (isinstance(record, Identified) and is_same_identification(named, record))
         if line is not None and is_news:
             append_line(self._log, replace(line, seq=now.seq))
 
     def _keep_row(self, past: NightFrame) -> None:
-        self._rows[past.frame_id] = row_of(past)
+        self._rows[past.frame_id] = frame_row(past)
         self.frames.changed.discard(past.frame_id)
 
     def _all_rows(self) -> dict[int, FrameRow]:
         if self.frames.changed:
-            for frame in self.frames.seen():
+            for frame in self.frames.kept_frames():
                 if frame.frame_id in self.frames.changed:
-                    self._rows[frame.frame_id] = row_of(frame)
+                    self._rows[frame.frame_id] = frame_row(frame)
             self.frames.changed.clear()
         return self._rows
 
@@ -213,7 +213,7 @@ class Night:
                 if (mount := mount_icrs_deg(record)) is not None:
                     self._look(record.t_start_utc_ns or t_utc_ns, *mount)
             case Solution():
-                t_ns = self.frames.of(record.frame_id).began_utc_ns
+                t_ns = self.frames.frame_by_id(record.frame_id).began_utc_ns
                 self._look(t_ns or t_utc_ns, record.ra_icrs_deg, record.dec_icrs_deg)
             case FollowedAgain():
                 # Until the next one is on record the orbit of before is the best there is.
@@ -226,7 +226,7 @@ class Night:
             case Identified():
                 self._identified(record)
             case PairMotions():
-                now.pairs = pairs_after(now.pairs, record)
+                now.pairs = latest_pair_motions(now.pairs, record)
             case ExpectedMembers():
                 now.expected = record
             case StateChange():

@@ -31,7 +31,7 @@ CHUNK = 256
 
 
 def in_chunks(items: Sequence[Item], before: Chunks[Item]) -> Chunks[Item]:
-    """Cut items into chunks; chunks that are equal to those of ``before`` are taken from there."""
+    """Cut items into chunks, reusing the chunk objects of ``before`` that are equal."""
     chunks = []
     for number, start in enumerate(range(0, len(items), CHUNK)):
         chunk = tuple(items[start : start + CHUNK])
@@ -45,7 +45,7 @@ LAST_FRAMES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LastMeasured:
+class RecentMeasurement:
     """A measurement that the lead track took in one of the last frames."""
 
     frame_id: int
@@ -56,16 +56,18 @@ class LastMeasured:
     nis: float | None
 
 
-def last_measured(
+def recent_measurements(
     frames: Iterable[NightFrame], rows: Mapping[int, FrameRow]
-) -> tuple[LastMeasured, ...]:
+) -> tuple[RecentMeasurement, ...]:
     """Return the lead's measurements in the last ``LAST_FRAMES`` frames, newest first.
 
     ``rows``: the frames' values for the plots, by frame number.
     """
-    pairs = ((frame.followed, rows.get(frame.frame_id)) for frame in [*frames][-LAST_FRAMES:])
+    pairs = (
+        (frame.accepted_measurement, rows.get(frame.frame_id)) for frame in [*frames][-LAST_FRAMES:]
+    )
     found = (
-        LastMeasured(
+        RecentMeasurement(
             frame_id=row.frame_id,
             t_utc_ns=taken.t_mid_utc_ns,
             source=taken.source,
@@ -94,7 +96,7 @@ class Pointing:
 
 @dataclass(slots=True, kw_only=True)
 class NightView:
-    """A session at one instant; a view that ``Night.view`` gave does not change any more."""
+    """View of a session at one instant; unchanged once ``Night.view`` has returned it."""
 
     folder: Path | None = None
     title: str = ""
@@ -103,7 +105,6 @@ class NightView:
     config: Config | None = None
     """Settings of the session's engine; None where they cannot be read."""
     seq: int = 0
-    """Place in the log of the last folded record."""
     is_read: bool = False
     """True where the session's past has been read to its end: further records are news."""
     has_ended: bool = False
@@ -113,7 +114,6 @@ class NightView:
     tau: float = 0.1
     rows: tuple[FrameRow, ...] = ()
     log: tuple[LogLine, ...] = ()
-    """The log lines, oldest first."""
     state: LoopState | None = None
     state_since_utc_ns: int | None = None
     last_utc_ns: int | None = None
@@ -134,21 +134,14 @@ class NightView:
     orbit_utc_ns: int | None = None
     """Time at which ``orbit`` was found, UTC nanoseconds."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """Last orbit of every track, by track id."""
     identified: Identified | None = None
     """Last identification of the lead track, or of the last lead where there is none now."""
     identifications: Mapping[int, Identified] = field(default_factory=dict)
-    """Last identification of every track, by track id."""
     changed: Mapping[str, float | int | str] = field(default_factory=dict)
-    """Settings changed since the session began, by dotted name."""
-    measured: tuple[LastMeasured, ...] = ()
-    """Measurements that the lead took in the last frames, newest first."""
+    measured: tuple[RecentMeasurement, ...] = ()
     tracks: tuple[FollowedTrack, ...] = ()
-    """All followed tracks, in the order of their numbers."""
     dropped: tuple[int, ...] = ()
-    """Ids of dropped tracks that may still be restored, the latest last."""
     pairs: tuple[PairMotion, ...] = ()
-    """Last relative motion of each pair of tracks."""
     expected: ExpectedMembers | None = None
     """Catalogued objects that should be in the field, by the last comparison with the catalogue."""
     being_fitted_again: frozenset[int] = frozenset()
@@ -157,7 +150,7 @@ class NightView:
     """Lead track that a command ended and a command may resume; None: there is no such track."""
 
     @property
-    def last_seen_utc_ns(self) -> int | None:
+    def last_measured_utc_ns(self) -> int | None:
         """Mid-exposure of the lead's last measurement, UTC nanoseconds; None: none is on record."""
         return next((each.measured_utc_ns for each in self.tracks if each.is_lead), None)
 
@@ -168,16 +161,15 @@ class NightView:
         return self.state == "COAST" and last is not None and last.is_cloudy
 
     @property
-    def is_orbit_past(self) -> bool:
+    def is_orbit_of_past_lead(self) -> bool:
         """True where ``orbit`` is of a track that no longer leads."""
         orbit = self.orbit
         return orbit is not None and (self.track is None or orbit.track_id != self.track.track_id)
 
     def setting(self, name: str, changed: Mapping[str, Any] | None = None) -> Any:
-        """Return the value of a setting in force; None where it is not on record.
+        """Return the value of a setting, by its dotted name; None where it is not on record.
 
-        ``name``: dotted; ``changed``: the settings changed until the instant of interest; None:
-        until now.
+        ``changed``: changed settings of the instant of interest; None: those in force now.
         """
         changed = self.changed if changed is None else changed
         if name in changed:
@@ -188,7 +180,7 @@ class NightView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightCheckpoint:
-    """The night at one place in the log, for ``Night.go_back``.
+    """Checkpoint of a night at one place in its log.
 
     Rows, frames and log lines are shared with the night and with other checkpoints.
     """
@@ -200,8 +192,8 @@ class NightCheckpoint:
     log: Chunks[LogLine]
 
 
-def above_horizon(pointing: Pointing, site: Site) -> Pointing:
-    """Return a pointing with altitude and azimuth at a site; unchanged where it has them."""
+def with_altaz(pointing: Pointing, site: Site) -> Pointing:
+    """Return a pointing with its altitude and azimuth at a site added, if it has none yet."""
     if pointing.alt_deg is not None:
         return pointing
     from rsoconsole.sky import icrs_to_altaz
@@ -212,7 +204,7 @@ def above_horizon(pointing: Pointing, site: Site) -> Pointing:
     return replace(pointing, alt_deg=alt_deg, az_deg=az_deg)
 
 
-def is_same_name(one: Identified | None, other: Identified) -> bool:
+def is_same_identification(one: Identified | None, other: Identified) -> bool:
     """Return True if both identifications agree in result, hint and object."""
     if one is None or (one.verdict, bool(one.hint)) != (other.verdict, bool(other.hint)):
         return False

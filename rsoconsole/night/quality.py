@@ -1,4 +1,4 @@
-"""Figures of how well measurements met their predictions. Pure."""
+"""Figures of merit of filter updates: innovations, NIS and likelihood. Pure."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rsoconsole.night.frame import NightFrame
 from rsoconsole.records import TrackState
-from rsoconsole.tracking import Consistency, consistency, mean_band
+from rsoconsole.tracking import Consistency, consistency, mean_nis_band
 
 
 class FilterUpdate(NamedTuple):
@@ -20,7 +20,7 @@ class FilterUpdate(NamedTuple):
     nis: float | None
 
     @property
-    def is_inside(self) -> bool:
+    def is_within_3_sigma(self) -> bool:
         """True where the innovation lies within 3 sigma on both axes; False without sigmas."""
         if self.sigma_arcsec is None:
             return False
@@ -39,10 +39,10 @@ class FilterUpdate(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quality:
-    """Figures of merit of some filter updates; None where no update gives a figure.
+class FilterQuality:
+    """Figures of merit of filter updates; None where no update gives a figure.
 
-    Residuals are innovations (measured minus predicted) of every measurement that the track took.
+    Residuals are innovations (measured minus predicted) of all measurements that the track took.
     """
 
     updates: int
@@ -57,8 +57,7 @@ class Quality:
     inside_3sigma: float | None
     """Fraction of updates with a residual within 3 sigma on both axes; 0.995 when consistent."""
     log_likelihood_mean: float | None
-    """Mean log likelihood of the innovations in arcsec: the larger, the likelier. The
-    correlation of the two axes counts in the NIS alone."""
+    """Mean log likelihood of innovations in arcsec; only the NIS counts the axes' correlation."""
 
     @property
     def is_nis_sound(self) -> bool | None:
@@ -77,19 +76,19 @@ def updates_of(states: Iterable[TrackState | None]) -> list[FilterUpdate]:
     ]
 
 
-def quality_of(updates: Sequence[FilterUpdate]) -> Quality:
+def filter_quality(updates: Sequence[FilterUpdate]) -> FilterQuality:
     """Compute the figures of merit of some filter updates."""
     nis = [each.nis for each in updates if each.nis is not None]
     terms = [term for each in updates if (term := each.log_likelihood) is not None]
     east, north = (rms([each.residual_arcsec[axis] for each in updates]) for axis in (0, 1))
-    return Quality(
+    return FilterQuality(
         updates=len(updates),
         residual_rms_arcsec=None if east is None or north is None else math.hypot(east, north),
         residual_east_rms_arcsec=east,
         residual_north_rms_arcsec=north,
         nis_mean=fmean(nis) if nis else None,
-        nis_band=mean_band(len(nis)) if nis else None,
-        inside_3sigma=fmean(each.is_inside for each in updates) if updates else None,
+        nis_band=mean_nis_band(len(nis)) if nis else None,
+        inside_3sigma=fmean(each.is_within_3_sigma for each in updates) if updates else None,
         log_likelihood_mean=fmean(terms) if terms else None,
     )
 

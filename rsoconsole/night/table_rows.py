@@ -21,10 +21,11 @@ Logged = tuple[int, int, Any]
 """A record with its place: (place in the log, UTC nanoseconds, record), as the reader gives it."""
 
 
-def rows_of(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list[Row]:
+def public_table_rows(name: str, log: Sequence[Logged], files: Iterable[Row] = ()) -> list[Row]:
     """Return the rows of the public table ``name``, in the order of the log.
 
-    ``files``: rows of the session's view ``frames``, from which columns about files are taken.
+    ``log``: (place, UTC nanoseconds, record) in order. ``files``: rows of the session's view
+    ``frames``, which give the columns about files.
     """
     table = TABLES[name]
     rows = list(_rows(table, log))
@@ -58,8 +59,8 @@ def _parts(table: Table, record: Any) -> Iterable[tuple[Any, Any]]:
 
 
 def _member(number: Any, part: Any, column: Column) -> Any:
-    if column.place in {"#", "="}:
-        return number if column.place == "#" else part
+    if column.record_path in {"#", "="}:
+        return number if column.record_path == "#" else part
     return column_value(part, column)
 
 

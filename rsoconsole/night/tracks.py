@@ -5,19 +5,17 @@ from dataclasses import dataclass, field
 
 from rsoconsole.control import one_line
 from rsoconsole.night.frame import NightFrame
-from rsoconsole.night.quality import Quality, quality_of, updates_of
+from rsoconsole.night.quality import FilterQuality, filter_quality, updates_of
 from rsoconsole.records import Identified, Measurement, OrbitEstimate, TrackState
-from rsoconsole.words import identity, text
+from rsoconsole.words import identity_words, text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightTrack:
-    """One track at the session's end, without records that the operator's decisions replaced."""
+    """One track at the session's end, without results that a decision has replaced."""
 
     number: int
-    """Number of the track in the session."""
     states: tuple[TrackState, ...]
-    """States in order of time: predicted, initial, updated."""
     measurements: tuple[Measurement, ...]
     """Measurements that the track took, in order of time, with the first where it is on record."""
     orbit: OrbitEstimate | None = None
@@ -25,7 +23,6 @@ class NightTrack:
     identified: Identified | None = None
     """Last identification of the track; None without one."""
     missed: Mapping[int, str] = field(default_factory=dict)
-    """Reasons why frames missed the track, in words, by frame number."""
     lost: str = ""
     """Reason why the fold last gave the track up, in words; empty: it did not."""
     ended: str = ""
@@ -36,17 +33,17 @@ class NightTrack:
         """Name of the object in the catalogue; None unless it is identified."""
         found = self.identified
         is_known = found is not None and found.verdict == "identified" and bool(found.matches)
-        return self.object_words if is_known else None
+        return self.identity_text if is_known else None
 
     @property
-    def object_words(self) -> str:
+    def identity_text(self) -> str:
         """Identity of the object in words: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet."""
-        return one_line(identity(self.identified))
+        return one_line(identity_words(self.identified))
 
     @property
-    def quality(self) -> Quality:
-        """Figures of merit of the track's updates: how well measurements met their predictions."""
-        return quality_of(updates_of(self.states))
+    def quality(self) -> FilterQuality:
+        """Figures of merit of the track's filter updates."""
+        return filter_quality(updates_of(self.states))
 
 
 @dataclass(slots=True)
@@ -54,7 +51,6 @@ class _Parts:
     states: list[TrackState] = field(default_factory=list)
     missed: dict[int, str] = field(default_factory=dict)
     lost: list[str] = field(default_factory=list)
-    """Reason of each time that the fold gave it up."""
     orbit: OrbitEstimate | None = None
     name: Identified | None = None
     dropped: list[str] = field(default_factory=list)
@@ -65,7 +61,7 @@ def tracks_of(frames: Iterable[NightFrame]) -> dict[int, NightTrack]:
     parts: dict[int, _Parts] = {}
     measured: dict[str, Measurement] = {}
     for frame in sorted(frames, key=lambda each: each.frame_id):
-        measured |= {each.measurement_id: each for each in frame.all_measured}
+        measured |= {each.measurement_id: each for each in frame.all_measurements}
         for each in frame.tracks:
             states = parts.setdefault(each.track_id, _Parts()).states
             states += [state for state in (each.predicted, each.updated) if state is not None]

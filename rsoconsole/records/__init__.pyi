@@ -52,7 +52,7 @@ from .reasons import SlewRefusal as SlewRefusal
 from .reasons import SlewRefusalKind as SlewRefusalKind
 from .reasons import StopOutcome as StopOutcome
 from .reasons import TrackLost as TrackLost
-from .reasons import done as done
+from .reasons import done_result as done_result
 from .steps import FOLLOWING as FOLLOWING
 from .steps import OFF_RECORD as OFF_RECORD
 from .steps import BesideRecord as BesideRecord

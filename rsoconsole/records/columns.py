@@ -1,14 +1,12 @@
-"""The public tables of a session: their columns, with type and meaning.
+"""Public tables of a session: their columns, with type and meaning.
 
-Each table is declared once. From its declaration are made: the SQL of the views
-(``session/log/schema.py``), the notebook's tables, and the documentation (``python -m
-rsoconsole.records.columns sessions/README.md``; a test compares both). Exported tables are declared
-in the same language (``library/formats/rows.py``), and have every number, text or truth that a
-measurement has here.
+From the one declaration of a table are made: the SQL of its view (``session/log/schema.py``), the
+notebook's table, and its documentation (``python -m rsoconsole.records.columns
+sessions/README.md``; a test compares both). Exported tables (``library/formats/rows.py``) are
+declared in the same way, and have every number, text and truth value of a measurement.
 
-A new column takes a field of a record and a line here.
-
-A column's unit is in its name, so that no table can state another unit.
+A new column needs a field of a record and a line here. Its unit is the ending of its name, so that
+no table can state another one.
 """
 
 import sys
@@ -56,8 +54,7 @@ from rsoconsole.records.steps import (
 )
 
 ColumnType: TypeAlias = Literal["integer", "real", "text", "truth", "json"]
-"""Type of a column; json: a record or mapping, as the log has it; real with a shape: nested lists
-of numbers."""
+"""Type of a column; json: a record or mapping; real with a shape: nested lists of numbers."""
 Source: TypeAlias = Literal["log", "files"]
 
 _UNITS = (
@@ -87,8 +84,7 @@ class Column:
     type: ColumnType
     meaning: str
     path: str = ""
-    """Members and indices joined by points, in the record or the part of it that a row is; "#" is
-    the part's number or key, "=" its value. Empty: the column's own name."""
+    """Dotted path in the row's record; "#": number or key, "=": value; empty: the column's name."""
     shape: tuple[int, ...] = ()
     """Shape of the matrices in the column, () for none; a matrix of another shape is JSON."""
     source: Source = "log"
@@ -101,12 +97,12 @@ class Column:
         return next((unit for ending, unit in _UNITS if self.name.endswith(ending)), None)
 
     @property
-    def is_worded(self) -> bool:
-        """True where the record has a reason with figures, and the column has its sentence."""
-        return self.place in _WORDED
+    def has_sentence(self) -> bool:
+        """True where the record has a reason with figures, and the column its sentence."""
+        return self.record_path in _WORDED
 
     @property
-    def place(self) -> str:
+    def record_path(self) -> str:
         """Path of the column in the record: ``path``, or the name where that is empty."""
         return self.path or self.name
 
@@ -133,8 +129,8 @@ class Table:
         return (*HEAD, *self.own, *((SUPERSEDED,) if self.may_be_superseded else ()))
 
 
-def columns_of(spec: str, source: Source = "log") -> tuple[Column, ...]:
-    """Parse columns, one per line: ``name=path type[shape] meaning``."""
+def parse_columns(spec: str, source: Source = "log") -> tuple[Column, ...]:
+    """Parse columns of ``source``, one per line: ``name=path type[shape] meaning``."""
     return tuple(_column(line, source) for line in spec.strip().splitlines())
 
 
@@ -155,7 +151,7 @@ def _column(line: str, source: Source) -> Column:
     )
 
 
-HEAD = columns_of("""
+HEAD = parse_columns("""
 seq integer place in the order of the log
 t_utc_ns integer when it was put on record
 frame_id integer number of the exposure
@@ -170,20 +166,20 @@ _ABOUT: tuple[Table, ...] = (
         name="frames",
         kind=FrameTaken,
         row="an exposure",
-        own=(*columns_of(OF_FRAME), *columns_of(OF_FILES, "files")),
+        own=(*parse_columns(OF_FRAME), *parse_columns(OF_FILES, "files")),
     ),
     Table(
         name="image_quality",
         kind=Detections,
         row="what a frame says of focus, seeing and sky",
-        own=columns_of(OF_QUALITY),
+        own=parse_columns(OF_QUALITY),
     ),
     Table(
         name="detections",
         kind=Detections,
         parts="detections",
         row="a streak",
-        own=columns_of(f"number=# integer place among them, from 0{OF_CANDIDATE}"),
+        own=parse_columns(f"number=# integer place among them, from 0{OF_CANDIDATE}"),
     ),
     Table(
         name="rejections",
@@ -191,22 +187,25 @@ _ABOUT: tuple[Table, ...] = (
         parts="rejected",
         row="a candidate not taken",
         own=(
-            *columns_of("number=# integer place among them, from 0"),
-            *(replace(each, path=f"detection.{each.place}") for each in columns_of(OF_CANDIDATE)),
-            *columns_of("reason text why not"),
+            *parse_columns("number=# integer place among them, from 0"),
+            *(
+                replace(each, path=f"detection.{each.record_path}")
+                for each in parse_columns(OF_CANDIDATE)
+            ),
+            *parse_columns("reason text why not"),
         ),
     ),
     Table(
         name="not_solved",
         kind=NotSolved,
         row="a frame without a plate solution",
-        own=columns_of("reason text why\nms real how long it took"),
+        own=parse_columns("reason text why\nms real how long it took"),
     ),
     Table(
         name="not_followed",
         kind=NotFollowed,
         row="a measurement the track did not take",
-        own=columns_of(OF_NOT_FOLLOWED),
+        own=parse_columns(OF_NOT_FOLLOWED),
         may_be_superseded=True,
     ),
     Table(
@@ -214,42 +213,42 @@ _ABOUT: tuple[Table, ...] = (
         kind=CycleTiming,
         parts="stage_ms",
         row="a stage of one cycle",
-        own=columns_of("stage=# text its name\nms== real wall time"),
+        own=parse_columns("stage=# text its name\nms== real wall time"),
     ),
-    Table(name="solutions", kind=Solution, row="a plate solution", own=columns_of(OF_SOLUTION)),
+    Table(name="solutions", kind=Solution, row="a plate solution", own=parse_columns(OF_SOLUTION)),
     Table(
         name="measurements",
         kind=Measurement,
         row="a direction on the sky",
-        own=columns_of(OF_MEASUREMENT),
+        own=parse_columns(OF_MEASUREMENT),
     ),
     Table(
         name="track",
         kind=TrackState,
         row="the filter at one instant",
-        own=columns_of(OF_TRACK),
+        own=parse_columns(OF_TRACK),
         may_be_superseded=True,
     ),
-    Table(name="slews", kind=SlewCommand, row="an order to the mount", own=columns_of(OF_SLEW)),
+    Table(name="slews", kind=SlewCommand, row="an order to the mount", own=parse_columns(OF_SLEW)),
     Table(
         name="misses",
         kind=Miss,
         row="an exposure without the object",
-        own=columns_of(OF_MISS),
+        own=parse_columns(OF_MISS),
         may_be_superseded=True,
     ),
     Table(
         name="orbits",
         kind=OrbitEstimate,
         row="the orbit through all that a track has measured, after each measurement",
-        own=columns_of(OF_ORBIT),
+        own=parse_columns(OF_ORBIT),
         may_be_superseded=True,
     ),
     Table(
         name="identifications",
         kind=Identified,
         row="which catalogued object a track is of",
-        own=columns_of(OF_NAME),
+        own=parse_columns(OF_NAME),
         may_be_superseded=True,
     ),
     Table(
@@ -257,7 +256,7 @@ _ABOUT: tuple[Table, ...] = (
         kind=PairMotions,
         parts="pairs",
         row="how two tracks move to each other",
-        own=columns_of(OF_PAIR),
+        own=parse_columns(OF_PAIR),
         may_be_superseded=True,
     ),
     Table(
@@ -265,22 +264,25 @@ _ABOUT: tuple[Table, ...] = (
         kind=ExpectedMembers,
         parts="unseen",
         row="a catalogued object that should be in the frame and is not followed",
-        own=columns_of(OF_EXPECTED),
+        own=parse_columns(OF_EXPECTED),
     ),
     Table(
-        name="leaps", kind=LeapDone, row="a leap ahead of a low satellite", own=columns_of(OF_LEAP)
+        name="leaps",
+        kind=LeapDone,
+        row="a leap ahead of a low satellite",
+        own=parse_columns(OF_LEAP),
     ),
     Table(
         name="low_passes",
         kind=LowPass,
         row="a pass that was followed by leaps, with its orbit",
-        own=columns_of(OF_LOW_PASS),
+        own=parse_columns(OF_LOW_PASS),
     ),
     Table(
         name="states",
         kind=StateChange,
         row="a change of the loop's state",
-        own=columns_of(
+        own=parse_columns(
             "before text state before\nafter text state after\nreason text why\n"
             "kept_track_id integer the track that can be followed again after it; 0: none"
         ),
@@ -289,7 +291,7 @@ _ABOUT: tuple[Table, ...] = (
         name="parameters",
         kind=ParameterChange,
         row="a changed setting",
-        own=columns_of(
+        own=parse_columns(
             "name text dotted, as in the configuration\nbefore text its value before\n"
             "after text its value from then on\nby text who wanted it"
         ),
@@ -298,7 +300,7 @@ _ABOUT: tuple[Table, ...] = (
         name="actions",
         kind=OperatorAction,
         row="an operator's command",
-        own=columns_of(
+        own=parse_columns(
             "verb text what was wanted\narguments json with what\n"
             "outcome text what came of it\nby text who wanted it\n"
             "outcome_kind=outcome.kind text accepted, done, refused and so on"
@@ -308,7 +310,7 @@ _ABOUT: tuple[Table, ...] = (
         name="events",
         kind=Event,
         row="a line of the log",
-        own=columns_of("level text info, warning or alarm\ntext text what was said"),
+        own=parse_columns("level text info, warning or alarm\ntext text what was said"),
     ),
 )
 TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABOUT})
@@ -316,12 +318,12 @@ TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABO
 
 
 def column_value(record: Any, column: Column) -> Any:
-    """Return the value of a column in a record, or in the part of a record that is the row.
+    """Return the value of a column for a row; None where the row has no such member.
 
-    None where the path leads to nothing.
+    ``record``: the record, or the part of it that is the row.
     """
     value = record
-    for step in column.place.split("."):
+    for step in column.record_path.split("."):
         if value is None:
             return None
         if step.isdigit():
@@ -331,8 +333,8 @@ def column_value(record: Any, column: Column) -> Any:
     return value
 
 
-def documentation() -> str:
-    """Return the Markdown table of all tables, as ``sessions/README.md`` shows it."""
+def tables_markdown() -> str:
+    """Return a Markdown list of all tables with their columns, for ``sessions/README.md``."""
     lines = ["| view | a row is | columns beside those three |", "|---|---|---|"]
     for table in TABLES.values():
         named = ", ".join(column.name for column in table.columns[len(HEAD) :])
@@ -340,11 +342,11 @@ def documentation() -> str:
     return "\n".join(lines)
 
 
-def with_documentation(page: str) -> str:
-    """Return the text of a Markdown page with its table of tables brought up to date."""
+def with_tables_markdown(page: str) -> str:
+    """Return a Markdown page with its list of tables replaced by the present one."""
     first, *_, last = (line for line in page.splitlines() if _is_of_table(line))
     before, _, rest = page.partition(first)
-    return before + documentation() + rest.partition(last)[2]
+    return before + tables_markdown() + rest.partition(last)[2]
 
 
 def _is_of_table(line: str) -> bool:
@@ -353,4 +355,4 @@ def _is_of_table(line: str) -> bool:
 
 if __name__ == "__main__":
     for path in map(Path, sys.argv[1:]):
-        path.write_text(with_documentation(path.read_text(encoding="utf-8")), encoding="utf-8")
+        path.write_text(with_tables_markdown(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -6,8 +6,7 @@ from typing import Literal
 PathKind = Literal["straight", "curved"]
 """Model of the relative motion: a straight line, or a line with a bend."""
 ClosestKind = Literal["now", "ahead", "beyond"]
-"""Place of the least separation within the horizon: at its beginning, as they part; inside; at its
-end, as they still approach."""
+"""Place of the least separation within the horizon: at its beginning, inside, at its end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +56,7 @@ class PairMotion:
     """Time after ``t_utc_ns`` in which the closest approach is searched, s."""
     path: PathKind
     close_probability: float
-    """Probability that they come nearer than the angle of the warning within its horizon; 0 without
-    one."""
+    """Probability that they come nearer than the warning's angle in its horizon; 0 without one."""
     is_close: bool = False
     """True where the operator is warned of this approach."""
 

@@ -59,8 +59,7 @@ class Frame:
     scale_arcsec_px: float | None = None
     """Scale from focal length and pixel size, arcsec/px; a hint for the solver."""
     pointing_ra_icrs_deg: float | None = None
-    """Right ascension of the mount's reported pointing; a hint for the solver, never a
-    measurement."""
+    """Right ascension of the mount's reported pointing: a hint, never a measurement."""
     pointing_dec_icrs_deg: float | None = None
     saturation_adu: float = 65535.0
     camera: CameraMode | None = None
@@ -112,31 +111,24 @@ class Detection:
     """True when an end lies outside the frame: the position along the streak is then unknown."""
     method: Literal["line", "box", "operator"]
     unevenness: float = 0.0
-    """Excess variation of its light and path beyond noise, as a natural logarithm of variances; 0:
-    none, or too long to be a cosmic ray, or not measured."""
+    """Excess ln variance of light and path; 0: none, too long for a cosmic ray, or not measured."""
     kind: StreakKind = "streak"
-    """Kind of streak; never "streak" where ``is_clipped``: an input without a kind counts as
-    "clipped"."""
+    """Kind of streak; never "streak" where ``is_clipped``: "clipped" stands in for it."""
     sigma_angle_deg: float | None = None
-    """One sigma of its direction, deg: with ``sigma_across_px`` the covariance of its line, as the
-    two are all but independent at its midpoint. None where not measured."""
+    """One sigma of direction, deg, all but independent of ``sigma_across_px``; None: unmeasured."""
     object_class: ObjectClass = "undetermined"
     class_probability: float = 1.0
-    """Probability of its class, given that it is a real streak; of "undetermined", 1 minus that of
-    the likeliest class."""
+    """Probability of its class if a real streak; of "undetermined", 1 minus the likeliest's."""
     modulation_period_px: float | None = None
     """Period of regularly varying light along the streak, px; None where none is seen."""
     modulation_period_s: float | None = None
-    """Period of regularly varying light, s; None also where the exposure's share of its length is
-    not known."""
+    """Period of regularly varying light, s; None: none, or exposed share of its length unknown."""
     modulation_depth: float | None = None
-    """Depth of the variation, (most - least) / (most + least) of the light over one period, as
-    blurred by the stars' width: 0 to 1."""
+    """Depth of the variation, 0 to 1: (most - least) / (most + least), blurred by stars' width."""
     train: int = 0
     """Number of parallel streaks of a satellite train, with this streak; 0: no train."""
     light_offset_px: float | None = field(default=None, compare=False)
-    """Offset of the middle from the midpoint towards end b, px, by ends and light together:
-    corrects for an image that shook, for a steady light. None where that was not measured."""
+    """Offset of the middle from the midpoint to end b, px, by ends and light; None: unmeasured."""
     light_sigma_px: float | None = field(default=None, compare=False)
     """One sigma of ``light_offset_px``."""
     light_length_px: float | None = field(default=None, compare=False)
@@ -179,20 +171,17 @@ class Detections:
     star_fwhm_px: float | None = None
     """Median full width at half maximum of the stars, px; None where not measured."""
     star_flux_adu: float | None = None
-    """Median flux of the 20th to 60th brightest stars, ADU; None where there are too few to
-    compare."""
+    """Median flux of the 20th to 60th brightest stars, ADU; None: too few to compare."""
     background_adu: float | None = None
-    """Median of the sky's light in a pixel, ADU, with the camera's offset where no dark takes it
-    off; None where not measured."""
+    """Median sky light of a pixel, ADU, with the offset if no dark was used; None: unmeasured."""
     zero_point_mag: float | None = None
-    """Magnitude of a star that would give 1 ADU a second: the sky's transparency at this camera;
-    None without a plate solution, and where too few stars are in the catalogue."""
+    """Magnitude that gives 1 ADU a second; None: no plate solution, or too few catalogued stars."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closeup:
-    """Where a close-up lies in its frame: a part at full resolution, saved as a picture."""
+    """Place of a close-up in its frame: a part at full resolution, saved as a picture."""
 
     frame_id: int
     x0_px: int
@@ -222,8 +211,7 @@ class Wcs:
 
 
 PlatePath = Literal["full", "refit", "shift"]
-"""Way of a plate solution: a search of the sky; the last plate fitted to the frame's stars; the
-last plate only shifted onto the few stars that cloud leaves."""
+"""Way of a plate solution: sky search; last plate fitted to the stars; last plate shifted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

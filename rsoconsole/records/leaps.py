@@ -5,8 +5,7 @@ from typing import Literal
 
 LeapResult = Literal["met", "not in the frame", "another streak", "not solved"]
 LeapOrder = Literal["at close", "by a look", "by the frame"]
-"""Trigger of the order of a leap's slew: the shutter of the leap before, a look at the middle of
-that one's frame, or the whole of it."""
+"""Trigger of a leap's slew order: the last one's shutter, a look at its middle, or its frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +42,7 @@ class LeapDone:
     off_across_arcsec: float | None
     """Innovation of the streak's middle to the left of the motion, arcsec; None likewise."""
     total_s: float
-    """Time from the order of its slew until the next could be ordered, s: the sum of the next
-    six."""
+    """Time from the order of its slew until the next could be ordered, s: sum of the next six."""
     slew_s: float
     settle_s: float
     shutter_s: float
@@ -52,8 +50,7 @@ class LeapDone:
     open_s: float
     """Planned exposure time, s."""
     readout_s: float
-    """Time of read-out and reduction, s; 0 where the next slew was ordered as the shutter
-    closed."""
+    """Time of read-out and reduction, s; 0 where the next slew was ordered at shutter close."""
     wait_s: float
     subframe: float
     """Fraction of each side of the sensor that was read out, 0 to 1."""
@@ -89,8 +86,7 @@ class LowPass:
     e: float | None
     i_deg: float | None
     believes_round: bool
-    """True where a prior on its eccentricity is in it, because the streaks determine it no
-    better."""
+    """True where a prior on its eccentricity is in it, as the streaks determine it no better."""
     along_rms_arcsec: float | None
     """Root mean square residual of the streaks' ends from the orbit, along the motion, arcsec."""
     across_rms_arcsec: float | None
@@ -99,5 +95,4 @@ class LowPass:
     sigma_next_s: float | None
     sigma_next_across_deg: float | None
     scatter_s: float | None
-    """Scatter of the shutter, one sigma, s: as calibrated, or as these streaks show it; None with
-    only one streak."""
+    """Calibrated or measured scatter of the shutter, one sigma, s; None with only one streak."""

@@ -1,4 +1,4 @@
-"""Reasons and results: a kind with its figures each; ``words`` turns one into a sentence.
+"""Reasons and results, each as a kind with its figures; ``words`` makes a sentence of it.
 
 Programs decide by kinds and figures alone. A ``detail`` is text for people.
 """
@@ -77,7 +77,7 @@ NotTakenKind: TypeAlias = Literal[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionMismatch:
-    """How a streak disagrees with the motion of a track."""
+    """Difference between a streak and the motion of a track."""
 
     kind: Literal["direction", "length", "order of time"]
     value: float | None = None
@@ -193,7 +193,7 @@ class SlewRefusal:
         side: Literal["east", "west"] | None = None,
         later_s: float = 0.0,
     ) -> "SlewRefusal":
-        """Return the refusal of an angle beyond its limit; ``later_s``: time until then."""
+        """Return the refusal of an angle beyond its limit; ``later_s``: time until it is, s."""
         return cls(
             kind=kind,
             value_deg=_tenths(value_deg),
@@ -208,7 +208,7 @@ class SlewRefusal:
     def by_policy(
         cls, hour_angle_deg: float, side: Literal["east", "west"] | None
     ) -> "SlewRefusal":
-        """Return a refusal because the mount would change sides while following a track."""
+        """Return the refusal of a change to pier side ``side`` while a track is followed."""
         return cls(kind="meridian policy", value_deg=_tenths(hour_angle_deg), side=side)
 
     @classmethod
@@ -237,7 +237,7 @@ CLOUD: frozenset[HiddenKind] = frozenset(("fewer stars", "fainter stars", "few s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HiddenBy:
-    """Likely cause why a frame has no measurement of a track; figures as shown."""
+    """Likely cause of a frame without a measurement of a track; figures rounded as displayed."""
 
     kind: HiddenKind
     """Kind. Cloud: "fewer stars" and "fainter stars" than before, "few stars" where before is not
@@ -284,10 +284,10 @@ class TrackLost:
     """Kind "seen too seldom": number of frames that should have shown the object."""
 
     @classmethod
-    def by_bounds(cls, three_sigma_arcmin: float, *, fits_field: bool) -> "TrackLost":
-        """Return the reason of a prediction that is too uncertain.
+    def by_uncertainty(cls, three_sigma_arcmin: float, *, fits_field: bool) -> "TrackLost":
+        """Return the reason of a track that ends because its prediction is too uncertain.
 
-        ``fits_field``: whether three sigma of the prediction are smaller than the field.
+        ``fits_field``: True where three sigma of the prediction are smaller than the field.
         """
         kind: Literal["too wide", "wider than the field"]
         kind = "too wide" if fits_field else "wider than the field"
@@ -295,7 +295,7 @@ class TrackLost:
 
     @classmethod
     def by_time(cls, coasted_s: float) -> "TrackLost":
-        """Return the reason of a track without a measurement for too long."""
+        """Return the reason of a track that ends after ``coasted_s`` without a measurement."""
         return cls(kind="coasted", coasted_min=_whole(coasted_s / 60.0))
 
 
@@ -428,7 +428,7 @@ class CommandResult:
 ACCEPTED, DONE = CommandResult(kind="accepted"), CommandResult(kind="done")
 
 
-def done(detail: str) -> CommandResult:
+def done_result(detail: str) -> CommandResult:
     """Return the result of a command that was carried out; ``detail`` in words for people."""
     return CommandResult(kind="done", detail=detail)
 

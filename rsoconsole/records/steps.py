@@ -88,7 +88,7 @@ def is_mark_id(measurement_id: str) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ruling:
-    """The operator's decision on a frame's measurements: tracks are updated again by it."""
+    """The operator's decision on a frame's measurements; the tracks are then computed again."""
 
     frame_id: int
     taken: Measurement | None = None
@@ -105,14 +105,14 @@ class Ruling:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedAgain:
-    """Separator: records after it replace those first made of the frame's measurements."""
+    """Marker: the records after it replace the frame's earlier tracking records."""
 
     frame_id: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mixture:
-    """Result of preset ``adaptive`` for a track: probabilities of motions, and scatter."""
+    """Result of preset ``adaptive`` for a track: motion probabilities and timing scatter."""
 
     motion_probabilities: tuple[tuple[str, float], ...]
     """Name and probability of each of ``MOTIONS`` (``tracking/filters/bank.py``)."""
@@ -123,8 +123,7 @@ class Mixture:
     """Turn of the path to the left, radians per radian of motion; 0 on a great circle."""
     turn_sigma: float
     scatter_s: float
-    """Excess scatter along the motion beyond the measurements' own errors, as a delay of the
-    shutter, s: the posterior median."""
+    """Excess scatter along the motion over stated errors, as shutter delay, s: posterior median."""
     scatter_low_s: float
     """Lower end of the 90 % interval of ``scatter_s``; upper: ``scatter_high_s``."""
     scatter_high_s: float
@@ -159,8 +158,7 @@ class TrackState:
     innovations: int = 0
     """Number of measurements that updated the track, without the first two."""
     foretold_by: Literal["filter", "orbit"] = "filter"
-    """Source of the prediction, also of the one updated: the orbit where the filter's has
-    failed."""
+    """Source of the prediction, also of the one updated: the orbit where the filter's failed."""
     measurement_id: str | None = None
     """The measurement that the track took; None after a prediction alone."""
     begun_with: tuple[str, str] | None = None
@@ -178,8 +176,7 @@ class TrackState:
     shared_with: int | None = None
     """Number of the track that took the same streak, where the frame could not resolve two."""
     filter_nis: float | None = None
-    """Filter's own NIS where the track was updated by the orbit's prediction, beyond the gate; None
-    in other cases, also where another reason refused it."""
+    """Filter's own NIS, beyond the gate, where the orbit updated the track; else None."""
     memory: object | None = field(
         default=None, repr=False, compare=False, metadata={OFF_RECORD: True}
     )
@@ -252,8 +249,7 @@ class OrbitEstimate:
     nis: float | None = None
     """Normalised innovation squared of this frame's measurement; predicted by the last orbit."""
     innovation_arcsec: tuple[float, float] | None = None
-    """Innovation (d alpha cos delta, d delta): measured minus predicted by the orbit before it,
-    arcsec."""
+    """Measured minus predicted by the orbit before it, arcsec: (d alpha cos delta, d delta)."""
     sigma_innovation_arcsec: tuple[float, float] | None = None
     is_guide: bool = False
     """True where the telescope follows this orbit's prediction instead of the filter's."""
@@ -292,7 +288,7 @@ class LedgerName:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identified:
-    """Result of comparing a track, by its directions up to this frame, with the catalogue."""
+    """Result of comparing a track's directions up to this frame with the catalogue."""
 
     frame_id: int
     track_id: int
@@ -309,8 +305,7 @@ class Identified:
     not_catalogued: float | None = None
     """Probability that the object is in no catalogue."""
     named_with: int = 0
-    """Number of other tracks identified together with it: each catalogued object is at most one of
-    them."""
+    """Number of other tracks identified with it: each object is at most one of them."""
     ledger: LedgerName | None = None
     """Object of an earlier night that this uncatalogued track is, or may be."""
 
@@ -324,8 +319,7 @@ class StateChange:
     after: LoopState
     reason: Cause
     kept_track_id: int | None = None
-    """Number of the track that can be followed again from here on, 0 where there is none; None for
-    a change that a frame led to."""
+    """Number of the track that can be followed again, 0 for none; None if a frame led to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -351,7 +345,7 @@ class OperatorAction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTaken:
-    """A frame's arrival: what the session records of it besides the pixels."""
+    """Arrival of a frame, with the facts that the session records of it besides the pixels."""
 
     frame_id: int
     name: str

@@ -6,15 +6,15 @@ from .camera.psf import FWHM_PER_SIGMA as FWHM_PER_SIGMA
 from .camera.psf import WINGS as WINGS
 from .camera.psf import add_sources as add_sources
 from .camera.psf import annulus as annulus
-from .camera.psf import smear as smear
+from .camera.psf import image_motion_kernel as image_motion_kernel
 from .camera.rendering import FieldContent as FieldContent
 from .camera.rendering import FloatArray as FloatArray
 from .camera.rendering import Streak as Streak
-from .camera.rendering import cloud_at as cloud_at
 from .camera.rendering import frame_rng as frame_rng
 from .camera.rendering import render as render
 from .camera.rendering import straight_streak as straight_streak
 from .camera.rendering import streak_points as streak_points
+from .camera.rendering import transmission_at as transmission_at
 from .camera.sensor import SensorModel as SensorModel
 from .camera.sensor import amplifier_glow as amplifier_glow
 from .camera.sensor import vignetting as vignetting
@@ -22,7 +22,7 @@ from .camera.streak_snr import integrated_snr as integrated_snr
 from .launch import start_observatory as start_observatory
 from .nights.night_choice import choose_night as choose_night
 from .nights.night_plan import NightPlan as NightPlan
-from .nights.night_plan import satellite_of as satellite_of
+from .nights.night_plan import satellite_from_entry as satellite_from_entry
 from .nights.scenarios import DAYTONA_BEACH as DAYTONA_BEACH
 from .nights.scenarios import DEFAULT_SCENARIO as DEFAULT_SCENARIO
 from .nights.scenarios import NIGHT_FRAMES as NIGHT_FRAMES
@@ -34,7 +34,7 @@ from .nights.world_laws import SettingDistribution as SettingDistribution
 from .nights.world_laws import random_world as random_world
 from .scene.scene import NS as NS
 from .scene.scene import Scene as Scene
-from .scene.world_scene import binned as binned
+from .scene.world_scene import binned_optics as binned_optics
 from .sky.clouds import CloudDeck as CloudDeck
 from .world.world import DEFAULT_WORLD as DEFAULT_WORLD
 from .world.world import World as World

@@ -38,12 +38,11 @@ class ObservatorySettings:
     """Height of a sensor smaller than the scenario's, for quick tests; ``width_px`` alike."""
     height_px: int | None = None
     stage: str | None = None
-    """``module:function`` that makes the ``ObservatoryStage`` in place of the scenario."""
+    """``module:function`` that makes the ``ObservatorySetup`` in place of the scenario."""
     plan: dict[str, Any] | None = None
     """``NightPlan.to_table`` of a night of chosen satellites, in place of the scenario."""
     weather: Sequence[tuple[float, str]] = ()
-    """Weather: (seconds since the start, "ok" | "warning" | "alert") in order; ok before the
-    first."""
+    """Weather, (seconds since the start, "ok" | "warning" | "alert"), in order; "ok" before."""
     dome: Sequence[tuple[float, str]] = ()
     """Dome in order: (seconds since the start, "open" | "closed" | "moving"); open at first."""
     world: Mapping[str, Any] = field(default_factory=dict)
@@ -122,7 +121,7 @@ def _first_line(process: "subprocess.Popen[bytes]", settings: dict[str, Any]) ->
         process.stdin.flush()
     wait = LongWait("the simulated observatory to start")
     while not select.select([process.stdout], [], [], _LOOK_S)[0]:
-        wait.look()
+        wait.log_if_due()
         if wait.waited_s >= START_S:
             process.kill()
             return {"error": f"it did not listen within {START_S:.0f} s: try again"}

@@ -35,18 +35,22 @@ from rsoconsole.simulator.launch import (
     WEATHER_NAME,
     ObservatorySettings,
 )
-from rsoconsole.simulator.mount.indi_vectors import stamp
-from rsoconsole.simulator.mount.mount_model import MountModel, MountTraits, MountUnrest
-from rsoconsole.simulator.nights.night_plan import plan_of_table, scenario_of, stars_of
+from rsoconsole.simulator.mount.indi_vectors import indi_timestamp
+from rsoconsole.simulator.mount.mount_model import MountCreepAndJumps, MountModel, MountTraits
+from rsoconsole.simulator.nights.night_plan import (
+    load_stars_for_plan,
+    plan_of_table,
+    scenario_from_plan,
+)
 from rsoconsole.simulator.nights.scenarios import scenario_named
 from rsoconsole.simulator.scene.scene import Scene
-from rsoconsole.simulator.scene.world_scene import binned
+from rsoconsole.simulator.scene.world_scene import binned_optics
 from rsoconsole.simulator.world.world import DEFAULT_WORLD, World, world_from
 from rsoconsole.sky import icrs_of_hour_angle, icrs_to_jnow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObservatoryStage:
+class ObservatorySetup:
     """Site, time, telescope and sky of a simulated night."""
 
     site: Site
@@ -60,21 +64,21 @@ class ObservatoryStage:
     """Imperfections; ``scene`` was made with the same world."""
 
 
-def open_stage(settings: ObservatorySettings) -> ObservatoryStage:
-    """The stage of a named scenario, of a plan, or of the function that the settings name.
+def make_observatory_setup(settings: ObservatorySettings) -> ObservatorySetup:
+    """Return the stage of a scenario, of a plan, or from the function that the settings name.
 
     Raises ConfigError for an unknown scenario and for an invalid world.
     """
     if settings.stage is None:
         return _scenario_stage(settings)
     module, _, function = settings.stage.partition(":")
-    stage: ObservatoryStage = getattr(importlib.import_module(module), function)(settings)
+    stage: ObservatorySetup = getattr(importlib.import_module(module), function)(settings)
     return stage
 
 
-def _scenario_stage(settings: ObservatorySettings) -> ObservatoryStage:
+def _scenario_stage(settings: ObservatorySettings) -> ObservatorySetup:
     plan = None if settings.plan is None else plan_of_table(settings.plan)
-    scenario = scenario_named(settings.scenario) if plan is None else scenario_of(plan)
+    scenario = scenario_named(settings.scenario) if plan is None else scenario_from_plan(plan)
     world = world_from(settings.world)
     standard = OpticsConfig()
     optics = standard.model_copy(
@@ -83,14 +87,14 @@ def _scenario_stage(settings: ObservatorySettings) -> ObservatoryStage:
             "height_px": settings.height_px or standard.height_px,
         }
     )
-    optics = binned(optics, world)
+    optics = binned_optics(optics, world)
     ra_icrs_deg, dec_icrs_deg = icrs_of_hour_angle(
         scenario.site,
         scenario.start_hour_angle_for(optics.field_deg[0]),
         scenario.start_declination_deg,
         scenario.t_start_utc_ns,
     )
-    return ObservatoryStage(
+    return ObservatorySetup(
         site=scenario.site,
         optics=optics,
         t_start_utc_ns=scenario.t_start_utc_ns,
@@ -100,7 +104,7 @@ def _scenario_stage(settings: ObservatorySettings) -> ObservatoryStage:
             scenario,
             settings.seed,
             optics=optics,
-            catalogue=None if plan is None else stars_of(plan),
+            catalogue=None if plan is None else load_stars_for_plan(plan),
             world=world,
         ),
         world=world,
@@ -113,7 +117,7 @@ _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
 class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
     """INDI driver of all simulated devices; it passes each request to its device."""
 
-    def __init__(self, stage: ObservatoryStage, settings: ObservatorySettings) -> None:
+    def __init__(self, stage: ObservatorySetup, settings: ObservatorySettings) -> None:
         self._tasks: set[asyncio.Task[None]] = set()
         site, optics = stage.site, stage.optics
         self._clock = VirtualClock(stage.t_start_utc_ns, settings.speed)
@@ -129,7 +133,7 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
             ra_date_deg=float(ra_date_deg),
             dec_date_deg=float(dec_date_deg),
             traits=MountTraits() if arrival is None else MountTraits(random_arcsec=arrival),
-            unrest=MountUnrest(
+            unrest=MountCreepAndJumps(
                 settings.seed,
                 self._clock.now_utc_ns,
                 own.settle_s,
@@ -158,7 +162,7 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         self._weather = WeatherDevice(WEATHER_NAME, settings.weather, *night)
         self._dome = DomeDevice(DOME_NAME, settings.dome, *night)
         self._timekeeper = ClockDevice(
-            self._clock, self._report, self._spawn, self._camera.overdue_utc_ns
+            self._clock, self._report, self._spawn, self._camera.awaited_frame_due_utc_ns
         )
         parts = (self._mount, self._camera, self._weather, self._dome, self._timekeeper)
         self._handlers = {part.device.devicename: part.handle for part in parts}
@@ -166,13 +170,13 @@ class ObservatoryDriver(IPyDriver):  # type: ignore[misc]
         self.auto_send_def = False
 
     async def rxevent(self, event: Any) -> None:
-        """Pass a client's request to the device, or answer it where it asks for a definition."""
+        """Pass a client's request to its device, or send the definitions that it asks for."""
         if isinstance(event, getProperties):
             if event.devicename == MOUNT_NAME and self._mount.faults.is_silent:
                 return  # a driver that hangs does not describe itself either
             # Definitions, too, are stamped with simulated time, and are of that instant.
             self._mount.refresh()
-            await event.vector.send_defVector(timestamp=stamp(self._clock.now_utc_ns))
+            await event.vector.send_defVector(timestamp=indi_timestamp(self._clock.now_utc_ns))
         else:
             await self._handlers[event.devicename](event)
 
@@ -237,7 +241,7 @@ class _HangUpReader:
 async def serve(settings: ObservatorySettings) -> None:
     """Serve INDI until stdin closes; the first line on stdout is ``{"port": N}``."""
     loop = asyncio.get_running_loop()
-    driver = ObservatoryDriver(open_stage(settings), settings)
+    driver = ObservatoryDriver(make_observatory_setup(settings), settings)
     server = ObservatoryServer(driver, host=HOST, port=0, maxconnections=1)
     running = loop.create_task(server.asyncrun())
     while server.server is None and not running.done():

@@ -36,7 +36,7 @@ def wrap_360(angle_deg: Angle) -> Angle:
     return 0.0 if wrapped_deg >= 360.0 else wrapped_deg
 
 
-def turn_deg(one_deg: float, other_deg: float) -> float:
+def line_angle_deg(one_deg: float, other_deg: float) -> float:
     """Angle, 0 to 90 deg, between two lines given by their direction angles in degrees.
 
     A direction and its opposite (180 deg further) are the same line.

@@ -35,13 +35,13 @@ def lit_fraction(position_gcrs_km: FloatArray, t_utc_ns: TimeLike) -> FloatArray
 
     ``position_gcrs_km``: (..., 3); one share for each position.
     """
-    return lit_fraction_by(sun_gcrs_km(t_utc_ns), position_gcrs_km)
+    return lit_fraction_for_sun(sun_gcrs_km(t_utc_ns), position_gcrs_km)
 
 
-def lit_fraction_by(sun_km: FloatArray, position_gcrs_km: FloatArray) -> FloatArray:
-    """Share of the solar disc that a satellite sees, where the Sun's position is known already.
+def lit_fraction_for_sun(sun_km: FloatArray, position_gcrs_km: FloatArray) -> FloatArray:
+    """Fraction of the solar disc that a satellite sees, for a given position of the Sun.
 
-    Both positions (..., 3), km from the Earth's centre. Overlap of two discs, the Earth a sphere
+    Both positions (..., 3), km from the Earth's centre. Overlap of two discs; the Earth is a sphere
     without air. Source: Montenbruck & Gill 2000, 3.4.2.
     """
     to_sun = sun_km - position_gcrs_km
@@ -125,8 +125,7 @@ def planet_icrs(name: str, t_utc_ns: int) -> tuple[float, float]:
 
 
 SCAN_STEP_NS = 600 * NS_PER_S
-"""Step of the search, ns: fine enough for nights of a quarter of an hour at the edge of a polar
-summer."""
+"""Step of the search, ns: fine enough for nights of a quarter of an hour."""
 CROSSING_NS = NS_PER_S // 10
 
 

@@ -24,8 +24,8 @@ SIDEREAL_DEG_S = 360.98564736629 / 86_400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Epoch:
-    """What is needed for apparent places, sidereal time and the Sun's place, computed for one hour.
+class HourlySky:
+    """Parameters of one hour that give apparent places, sidereal time and the Sun's place.
 
     Frame: true equator and equinox of date. Good to 0.1 arcsec for some hours around.
     """
@@ -42,7 +42,7 @@ class Epoch:
     sun_ra_rate_deg_s: float
     sun_dec_rate_deg_s: float
 
-    def to_date(self, ra_icrs_deg: float, dec_icrs_deg: float) -> tuple[float, float]:
+    def icrs_to_apparent_deg(self, ra_icrs_deg: float, dec_icrs_deg: float) -> tuple[float, float]:
         """Convert an ICRS direction to apparent RA (0 to 360) and declination of date."""
         ra, dec = erfa.atciqz(np.radians(ra_icrs_deg), np.radians(dec_icrs_deg), self.astrom)
         ra_deg = (np.degrees(ra) - self.equation_of_origins_deg) % 360.0
@@ -53,7 +53,7 @@ class Epoch:
         turned_deg = SIDEREAL_DEG_S * self._since_s(t_utc_ns)
         return np.asarray((self.gast_deg + longitude_deg + turned_deg) % 360.0)
 
-    def sun_date_deg(self, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
+    def sun_apparent_deg(self, t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
         """Apparent right ascension (not wrapped) and declination of date of the Sun's centre."""
         since_s = self._since_s(t_utc_ns)
         return (
@@ -65,20 +65,20 @@ class Epoch:
         return np.asarray((np.asarray(t_utc_ns, np.int64) - self.t_utc_ns) / NS_PER_S)
 
 
-def epoch_at(t_utc_ns: int) -> Epoch:
-    """Return the ``Epoch`` of the UTC hour that holds this instant; cached."""
+def hourly_sky(t_utc_ns: int) -> HourlySky:
+    """Return the ``HourlySky`` of the UTC hour that holds this instant; cached."""
     return _epoch(t_utc_ns // HOUR_NS)
 
 
 @lru_cache(maxsize=64)
-def _epoch(hour: int) -> Epoch:
+def _epoch(hour: int) -> HourlySky:
     middle_ns = hour * HOUR_NS + HOUR_NS // 2
     astrom, equation_of_origins = erfa.apci13(*jd_tt(middle_ns))
     before, middle, after = (
         icrs_to_jnow(*sun_icrs(t_ns), t_ns)
         for t_ns in (middle_ns - HOUR_NS, middle_ns, middle_ns + HOUR_NS)
     )
-    return Epoch(
+    return HourlySky(
         t_utc_ns=middle_ns,
         astrom=astrom,
         equation_of_origins_deg=float(np.degrees(equation_of_origins)),

@@ -131,13 +131,13 @@ def _like(model: Angle, value: FloatArray) -> Angle:
     return float(value)
 
 
-def chart_to_icrs(
+def equinox_to_icrs(
     ra_deg: FloatArray, dec_deg: FloatArray, equinox_year: int | None, t_utc_ns: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert directions (N,) referred to an equinox to ICRS RA and Dec, degrees, (N,) each.
+    """Convert directions (N,) given for an equinox to ICRS RA and Dec, degrees, (N,) each.
 
-    ``equinox_year``: before 1984 the frame is FK4, from 1984 on FK5; None: FK5 with the equinox of
-    each instant ``t_utc_ns`` (N,), the time of the observation.
+    ``equinox_year``: FK4 before 1984, FK5 from 1984; None: FK5 with the equinox of date.
+    ``t_utc_ns``: (N,) times of the observations.
     """
     if equinox_year == 2000:
         return ra_deg, dec_deg  # FK5 differs from ICRS by 0.02 arcsec

@@ -30,7 +30,7 @@ PositionOf = Callable[[IntArray], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Places:
+class SkyPlaces:
     """Astrometric places of one object at N instants; N is the first axis of every array."""
 
     t_utc_ns: IntArray
@@ -128,9 +128,9 @@ _remembered: dict[int, FloatArray] = {}
 
 
 def earth_velocity_km_s(t_utc_ns: TimeLike) -> FloatArray:
-    """Velocity (..., 3), km/s, of the Earth's centre about the barycentre of the solar system.
+    """Velocity (..., 3), km/s, of the Earth's centre about the solar system's barycentre.
 
-    Results are cached by instant (calls of up to 256): all tracks of a frame ask for the same ones.
+    Results of calls with up to 256 instants are cached by instant.
     """
     t = np.asarray(t_utc_ns, np.int64)
     if t.size > _FEW:
@@ -158,13 +158,12 @@ def sun_gcrs_km(t_utc_ns: TimeLike) -> FloatArray:
     return -np.asarray(heliocentric["p"]) * AU_KM
 
 
-def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) -> Places:
-    """Places of an object at instants (N,), as a plate solution measures them against stars.
+def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) -> SkyPlaces:
+    """Return an object's places at instants (N,), as a plate solution measures them.
 
     Direction u = r_object(t - tau) - r_site(t) - v_earth * tau, the light time tau by iteration.
-    Annual aberration is left out: the stars of the same plate share it. v_earth * tau is the
-    Earth's own motion while the light travelled; ``position_of`` counts from the Earth's centre,
-    which moved by that much.
+    v_earth * tau is the Earth's own motion in the light time, since ``position_of`` counts from the
+    Earth's centre. Annual aberration is left out: the stars of the same plate share it.
     """
     t = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
     site_km, site_km_s = site_gcrs(site, t)
@@ -181,7 +180,7 @@ def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) 
     u_rate = velocity * (1.0 - tau_rate) - site_km_s - v_earth * tau_rate
     ra_deg, dec_deg = unit_to_direction(u)
     ra_rate, dec_rate = _angular_rates_deg_s(u, u_rate)
-    return Places(
+    return SkyPlaces(
         t_utc_ns=t,
         ra_icrs_deg=ra_deg,
         dec_icrs_deg=dec_deg,
@@ -196,10 +195,10 @@ def astrometric_places(position_of: PositionOf, site: Site, t_utc_ns: IntArray) 
 def line_of_sight_gcrs(
     ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, t_utc_ns: IntArray
 ) -> FloatArray:
-    """Unit vectors (N, 3) from the site to the object, of measured places.
+    """Return unit vectors (N, 3) from the site to the object for measured directions.
 
-    Undoes ``astrometric_places``: the direction of u + v_earth / c, whatever the range. It points
-    to where the object was at t - tau, when the light left.
+    Inverse of ``astrometric_places``: the direction of u + v_earth / c, at any range. The vector
+    points to where the object was at t - tau, when the light left.
     """
     u = direction_to_unit(ra_icrs_deg, dec_icrs_deg)
     line = u + earth_velocity_km_s(t_utc_ns) / LIGHT_KM_S
@@ -220,12 +219,11 @@ def _rotate(rotation: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...ij,...j->...i", rotation, vector))
 
 
-def belt_declination_deg(site: Site, hour_angle_deg: float) -> float:
-    """Topocentric declination of the geostationary belt at a topocentric hour angle.
+def geo_belt_declination_deg(site: Site, hour_angle_deg: float) -> float:
+    """Topocentric declination, deg, of the geostationary belt at a topocentric hour angle.
 
-    Hour angle west positive. Directions of one hour angle lie in a plane through the site, which
-    the belt crosses once above the horizon. Geometry on the WGS84 ellipsoid; good to a few
-    arcminutes, far less than a field.
+    Hour angle west positive. Geometry on the WGS84 ellipsoid; good to a few arcminutes, far less
+    than a field.
     """
     axis_km, height_km = _site_km(site)
     # In the equatorial plane, x along the site's meridian: |(axis, 0) + d (cos h, -sin h)| = GEO.
@@ -235,7 +233,7 @@ def belt_declination_deg(site: Site, hour_angle_deg: float) -> float:
     return math.degrees(math.atan2(-height_km, distance_km))
 
 
-def slot_direction(site: Site, slot_longitude_deg: float) -> tuple[float, float]:
+def geo_slot_direction_deg(site: Site, slot_longitude_deg: float) -> tuple[float, float]:
     """Topocentric hour angle and declination, deg, of a longitude on the geostationary belt.
 
     Hour angle: -180 to 180, west positive; ``slot_longitude_deg``: east positive. A slot hidden by

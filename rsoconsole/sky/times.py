@@ -73,7 +73,7 @@ def _offset_s(zone: str | None) -> int:
 
 
 def jd_utc(t_utc_ns: TimeLike) -> tuple[FloatArray, FloatArray]:
-    """Julian date of UTC as (day, fraction): that of 0 h, and the fraction of the day since."""
+    """Julian date of UTC as (day, fraction): the date at 0 h, and the fraction of a day since."""
     days, in_day = np.divmod(np.asarray(t_utc_ns, np.int64), NS_PER_DAY)
     return np.asarray(JD_UNIX + days), np.asarray(in_day / NS_PER_DAY)
 

@@ -54,9 +54,10 @@ def pixel_to_sky(
 def sky_to_pixel(
     wcs: Wcs, ra_icrs_deg: float | FloatArray, dec_icrs_deg: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Convert ICRS directions to pixels (x, y); NaN where a direction has none.
+    """Convert ICRS directions to pixels (x, y); NaN where a direction has no pixel.
 
-    That is 90 deg or more from the tangent point, and where the SIP distortion has no inverse.
+    It has none 90 deg or more from the tangent point, or where the SIP distortion has no
+    inverse.
     """
     dra = np.radians(np.asarray(ra_icrs_deg, float) - wcs.crval_ra_deg)
     dec, dec0 = np.radians(np.asarray(dec_icrs_deg, float)), math.radians(wcs.crval_dec_deg)
@@ -140,10 +141,10 @@ def jacobian_arcsec_px(wcs: Wcs, x_px: float, y_px: float) -> FloatArray:
     return np.stack([east_deg, north_deg]) * ARCSEC_PER_DEG / (2.0 * h)
 
 
-def describe(wcs: Wcs, width_px: int, height_px: int) -> FieldDescription:
+def describe_field(wcs: Wcs, width_px: int, height_px: int) -> FieldDescription:
     """Return direction, scale, rotation and mirroring of a plate at the centre of its image.
 
-    The same figures as in ``records.Solution``.
+    They are defined as in ``records.Solution``.
     """
     x, y = (width_px - 1) / 2.0, (height_px - 1) / 2.0
     ra, dec = pixel_to_sky(wcs, x, y)

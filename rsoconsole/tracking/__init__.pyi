@@ -8,7 +8,7 @@ from .association.following import LiveTrack as LiveTrack
 from .association.following import expected_motion as expected_motion
 from .association.following import three_sigma_deg as three_sigma_deg
 from .association.neighbours import Field as Field
-from .association.pattern import own_covariance as own_covariance
+from .association.pattern import single_streak_covariance as single_streak_covariance
 from .association.relative import RelativePath as RelativePath
 from .association.relative import TrackDirections as TrackDirections
 from .association.relative import pair_motion as pair_motion
@@ -18,7 +18,7 @@ from .drift import Drift as Drift
 from .drift import HourlyRate as HourlyRate
 from .drift import PolarHint as PolarHint
 from .drift import SolvedPointing as SolvedPointing
-from .drift import drift_of as drift_of
+from .drift import fit_drift as fit_drift
 from .drift import offsets_arcsec as offsets_arcsec
 from .drift import polar_hint as polar_hint
 from .filters.adaptive import filter_summary_words as filter_summary_words
@@ -30,14 +30,14 @@ from .filters.innovations import NIS_BAND as NIS_BAND
 from .filters.innovations import WINDOW as WINDOW
 from .filters.innovations import Consistency as Consistency
 from .filters.innovations import consistency as consistency
-from .filters.innovations import lag_one as lag_one
-from .filters.innovations import mean_band as mean_band
+from .filters.innovations import lag_one_correlation as lag_one_correlation
+from .filters.innovations import mean_nis_band as mean_nis_band
 from .filters.lqe import direction_icrs_deg as direction_icrs_deg
 from .filters.lqe import sky_covariance_arcsec2 as sky_covariance_arcsec2
 from .filters.lqe import sky_rate_arcsec_s as sky_rate_arcsec_s
-from .filters.sky_path import Plane as Plane
-from .filters.streak_length import excesses_with as excesses_with
-from .filters.streak_length import with_part_error as with_part_error
+from .filters.sky_path import TangentPlane as TangentPlane
+from .filters.streak_length import append_length_excess as append_length_excess
+from .filters.streak_length import widened_for_short_streak as widened_for_short_streak
 from .frame_by_frame import follow as follow
 from .further_tracks import MANY as MANY
 from .initiation.acquisition import REFUSED as REFUSED

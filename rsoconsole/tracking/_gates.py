@@ -8,7 +8,7 @@ from rsoconsole.tracking.association.following import (
     FrameInput,
     LiveTrack,
     expected_motion,
-    not_followed,
+    not_followed_record,
     three_sigma_deg,
 )
 from rsoconsole.tracking.association.neighbours import MIN_MARGIN, Neighbour, best_match
@@ -26,9 +26,9 @@ from rsoconsole.tracking.filters.agreement import (
     motion_mismatch,
 )
 from rsoconsole.tracking.filters.estimator import CandidateUpdate
-from rsoconsole.tracking.filters.streak_length import flashes_by_lengths
+from rsoconsole.tracking.filters.streak_length import is_flashing_by_lengths
 from rsoconsole.tracking.initiation import chains
-from rsoconsole.tracking.initiation.acquisition import errors_of
+from rsoconsole.tracking.initiation.acquisition import streak_errors
 
 INDISTINGUISHABLE = NotTaken(kind="cannot be told apart")
 
@@ -45,11 +45,11 @@ def track_updates(
     Each is made with the errors that the streak's shape indicates.
     """
     expected = expected_motion(predicted, seen.exposure_s)
-    pairs = [(m, errors_of(m, expected, before.streaks, settings)) for m in measured]
+    pairs = [(m, streak_errors(m, expected, before.streaks, settings)) for m in measured]
     return estimator.candidate_updates(predicted, pairs, settings.filter)
 
 
-def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
+def gate_rejection_reasons(  # noqa: PLR0917 -- one call, each argument a different thing
     predicted: TrackState,
     expected: Motion,
     updated: dict[Measurement, CandidateUpdate],
@@ -57,15 +57,15 @@ def refusals(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[Measurement, NotTaken]:
-    """Reasons why measurements do not belong to the track: motion, position, neighbours.
+    """Return by measurement why it does not belong to the track: motion, position, neighbour.
 
     A measurement without an entry has passed all gates. ``expected``: the track's motion in one
     exposure. ``updated``: as from `track_updates`.
     """
     reasons: dict[Measurement, NotTaken] = {}
     shares = (LENGTH_TOLERANCE, LENGTH_TOLERANCE)
-    if settings.filter.uses_bank:
-        is_flashing = flashes_by_lengths(before.streaks.excesses_arcsec, expected.length_arcsec)
+    if settings.filter.uses_filter_bank:
+        is_flashing = is_flashing_by_lengths(before.streaks.excesses_arcsec, expected.length_arcsec)
         shares = (FLASHING_TOLERANCE if is_flashing else PART_TOLERANCE, LONGER_TOLERANCE)
     bent_deg = BENT_TOLERANCE_DEG if chains.uses_window(settings) else DIRECTION_TOLERANCE_DEG
     for measurement in updated:
@@ -132,10 +132,10 @@ def _too_far_for_clipped(
     return NotTaken.clipped_and_far(away, allowed)
 
 
-def rejections(
+def rejection_records(
     reasons: dict[Measurement, NotTaken], updated: dict[Measurement, CandidateUpdate]
 ) -> tuple[NotFollowed, ...]:
-    return tuple(not_followed(m, reason, updated[m].nis) for m, reason in reasons.items())
+    return tuple(not_followed_record(m, reason, updated[m].nis) for m, reason in reasons.items())
 
 
 def nis_of(update: TrackState | CandidateUpdate) -> float:
@@ -148,7 +148,7 @@ def mixture_moments_nis(updated: TrackState, settings: FollowSettings) -> float:
     The update's own NIS is smaller, since it allows for the tails of the mixture. For a preset
     without a bank both are the same.
     """
-    if not settings.filter.uses_bank or updated.innovation_arcsec is None:
+    if not settings.filter.uses_filter_bank or updated.innovation_arcsec is None:
         return nis_of(updated)
     off = np.array(updated.innovation_arcsec)
     return float(off @ np.linalg.solve(adaptive.innovation_covariance(updated), off))

@@ -1,4 +1,4 @@
-"""Takeover of a track that nothing fits by streaks that fit only each other. Pure."""
+"""Takeover of a track without fitting streaks, by streaks that fit only each other. Pure."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,15 +20,13 @@ from rsoconsole.tracking.association.neighbours import Field
 from rsoconsole.tracking.filters import estimator, lqe
 from rsoconsole.tracking.filters.agreement import SHORTER_TOLERANCE, motion_between, motion_mismatch
 from rsoconsole.tracking.filters.streak_length import StreakErrors, along_error_arcsec
-from rsoconsole.tracking.initiation.acquisition import track_through
-from rsoconsole.tracking.initiation.chains import agree
+from rsoconsole.tracking.initiation.acquisition import track_from_pair
+from rsoconsole.tracking.initiation.chains import agree_on_motion
 
 SURE_ODDS = 100.0
 """Odds (to one) from which a rival takes the track over."""
 MIN_RIVAL_FRAMES = 3
-"""Fewest frames with which a rival can take the track over."""
 MANOEUVRE_PROBABILITY = 0.002
-"""Probability of a manoeuvre in one frame."""
 WRONG_PAIR_PROBABILITY = 0.05
 """Probability that a track's first two streaks are of two objects, while no third fits it."""
 UNDETECTED = 0.1
@@ -46,8 +44,8 @@ _MAX_UNFIT = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reacquired:
-    """A rival that turned out to be the tracked object."""
+class Reacquisition:
+    """Decision that a rival is the tracked object, with the pair that restarts the track."""
 
     pair: tuple[Measurement, Measurement]
     """Last two measurements of the rival, which initiate the track again."""
@@ -55,8 +53,8 @@ class Reacquired:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """Result of one frame for one track, with its records."""
+class FrameResult:
+    """Result of one frame for one track: the track after it, and the frame's records."""
 
     records: tuple[FoldRecord, ...]
     after: LiveTrack | None
@@ -64,23 +62,23 @@ class Step:
     is_measured: bool = False
     begins_with: Measurement | None = None
     """Measurement of another object, which the operator wants followed in place of this track."""
-    reacquired: Reacquired | None = None
+    reacquired: Reacquisition | None = None
 
 
-def coasted_with_rivals(  # noqa: PLR0917 -- one call, each argument a different thing
-    step: Step,
+def add_rivals_or_take_over(  # noqa: PLR0917 -- one call, each argument a different thing
+    step: FrameResult,
     before: LiveTrack,
     predicted: TrackState,
     reasons: dict[Measurement, NotTaken],
     is_absent: bool,
     seen: FrameInput,
     settings: FollowSettings,
-) -> Step:
-    """Return the coasting step with its rivals, or with a takeover by one of them.
+) -> FrameResult:
+    """Return a coasting track's result with its rivals, or with a takeover by one of them.
 
     Rivals are streaks that do not fit the track but fit each other. ``reasons``: why the frame's
-    measurements do not belong to the track. ``is_absent``: the frame should have shown the object
-    and did not.
+    measurements do not belong to the track. ``is_absent``: True where the frame should have shown
+    the object and did not.
     """
     unfit = tuple(m for m, why in reasons.items() if why.kind in {"NIS", "moves otherwise"})
     # Of whatever class: what flashes looks like a chain of stars now and then.
@@ -112,7 +110,7 @@ def coasted_with_rivals(  # noqa: PLR0917 -- one call, each argument a different
                 f"{away.length_arcsec:.0f} arcsec from the prediction:"
                 f" {len(rival.measurements)} frames agree, {min(chance, 1e6):.0f} to 1"
             )
-            found = Reacquired(
+            found = Reacquisition(
                 pair=(rival.measurements[-2], last), cause=Cause(kind="re-acquired", detail=detail)
             )
             others = tuple(
@@ -164,10 +162,10 @@ def _longer(
 
 
 def rival_odds(rival: Rival, predicted: TrackState, unexplained: int) -> float:
-    """Odds that a rival is the tracked object rather than another one.
+    """Return the odds that a rival is the tracked object rather than another one.
 
-    ``predicted``: the track predicted to now; ``unexplained``: number of frames in which it was not
-    detected although nothing hid it.
+    ``predicted``: the track at the rival's last frame. ``unexplained``: number of frames in which
+    the tracked object was not detected although nothing hid it.
     """
     if len(rival.measurements) < MIN_RIVAL_FRAMES:
         return 0.0
@@ -189,9 +187,9 @@ def _rival_track(
     first: Measurement, second: Measurement, seen: FrameInput, settings: FollowSettings
 ) -> TrackState | None:
     """Start a track through two measurements of different frames; None where they disagree."""
-    if not agree(first, second, seen.exposure_s):
+    if not agree_on_motion(first, second, seen.exposure_s):
         return None
-    return track_through(first, second, 0, seen, settings)
+    return track_from_pair(first, second, 0, seen, settings)
 
 
 def _rival_updated(

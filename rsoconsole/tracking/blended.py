@@ -1,12 +1,12 @@
-"""Two satellites in one streak: the measurement that each of both tracks may accept. Pure.
+"""Streaks of two satellites: the measurement that each of both tracks may accept. Pure.
 
-Where two satellites of a slot pass each other closer than a camera can show, a frame has one streak
-of both. Across the streak it lies somewhere between them, depending on their light; along it, it is
-as long as both together, and its middle is that of the pair. Their relative position is known from
-the frames before (``pattern``), so that the streak still measures both: each track accepts it
-shifted by half of the relative position, with the unknown share of the light as its error (the
-merged measurements of Blair-Bar-Shalom; Bar-Shalom & Li 1995, 6.4, without a second amplitude). The
-relative position itself is not updated.
+Where two satellites of a slot pass each other closer than a camera can resolve, a frame has a
+single streak of both. Across the streak it lies somewhere between them, depending on their light;
+along it, it is as long as both together, and its middle is that of the pair. Their relative
+position is known from earlier frames (``pattern``), so that the streak still measures both: each
+track accepts it shifted by half of the relative position, with the unknown division of the light as
+its error (the merged measurements of Blair-Bar-Shalom; Bar-Shalom & Li 1995, 6.4, without a second
+amplitude). The relative position itself is not updated.
 """
 
 import itertools
@@ -20,7 +20,7 @@ from rsoconsole.tracking.association.following import FollowSettings, FrameInput
 from rsoconsole.tracking.association.pattern import TrackPattern
 from rsoconsole.tracking.filters import estimator, lqe
 from rsoconsole.tracking.filters.agreement import streak_motion
-from rsoconsole.tracking.filters.sky_path import Plane
+from rsoconsole.tracking.filters.sky_path import TangentPlane
 from rsoconsole.tracking.joint import Assignment, TrackCandidates
 
 WIDTHS = 2.5
@@ -28,8 +28,7 @@ WIDTHS = 2.5
 USUAL_WIDTH_ARCSEC = 3.5
 """Full width of a star at half maximum where it was not measured."""
 _LIGHT_SIGMA = 0.5
-"""Sigma of the streak's place across the pair, over their distance: the same in every frame, so
-that a uniform law's 0.29 would be believed too much after some."""
+"""Sigma of the streak's place across the pair, over their distance: alike in every frame."""
 _APART_ARCSEC = 12.0
 """Distance along each other, arcsec, from which a streak's length shows whether it is of both."""
 
@@ -52,16 +51,16 @@ def shared_streaks(
     seen: FrameInput,
     settings: FollowSettings,
 ) -> dict[int, SharedStreak]:
-    """Find streaks that two tracks share: the part of each track, by its index in ``weighed``.
+    """Find streaks that two tracks share; return each track's part by index in ``weighed``.
 
-    Only where the frame could not show the two apart, one of them is left without a streak of its
-    own, and the streak fits both as one. ``given``: the measurements that the tracks have so far.
+    Only where the frame could not resolve the two, one of them has no streak of its own, and the
+    streak fits both. ``given``: measurements assigned to the tracks so far.
     """
     found: dict[int, SharedStreak] = {}
     if None not in given.taken:
         return found
     tracks = [each.predicted.track_id for each in weighed]
-    is_known, ways, covariances = pattern.ways_between(tracks, seen.t_mid_utc_ns)
+    is_known, ways, covariances = pattern.relative_positions_at(tracks, seen.t_mid_utc_ns)
     for i, j in itertools.combinations(range(len(weighed)), 2):
         if i in found or j in found or (given.taken[i] is not None and given.taken[j] is not None):
             continue
@@ -122,7 +121,7 @@ def _of_both(
     ee, en, nn = m.cov_sky_arcsec2
     spread = np.array([[ee, en], [en, nn]]) + covariance / 4.0
     spread += (_LIGHT_SIGMA * apart_across) ** 2 * np.outer(across, across)
-    plane, pieces = Plane.at(m.ra_icrs_deg, m.dec_icrs_deg), []
+    plane, pieces = TangentPlane.at(m.ra_icrs_deg, m.dec_icrs_deg), []
     for number, state in enumerate(states):
         ra_deg, dec_deg = plane.direction_of(*(way * (number - 0.5)))
         taken = replace(

@@ -53,7 +53,7 @@ class HourlyRate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """Drift over the last frames on one side of the pier."""
+    """Rates at which the plate's direction drifts from the mount's, on one side of the pier."""
 
     frames: int
     hours: float
@@ -83,11 +83,11 @@ def offsets_arcsec(looks: Sequence[SolvedPointing]) -> FloatArray:
     return np.asarray(3600.0 * np.stack([east, plate[:, 1] - mount[:, 1]], axis=1))
 
 
-def drift_of(looks: Sequence[SolvedPointing]) -> Drift | None:
-    """Drift over the frames since the camera last turned; None: too few, or over too short a time.
+def fit_drift(looks: Sequence[SolvedPointing]) -> Drift | None:
+    """Fit the drift over the frames since the camera was last flipped.
 
-    Frames between which the mount was not sent elsewhere share one offset, so that the scatter of
-    slews does not count as drift.
+    None: too few frames, or over too short a time. Frames between which the mount was not slewed
+    share one offset, so that the scatter of slews does not count as drift.
     """
     recent = _since_flip(looks)
     if len(recent) < MIN_FRAMES:

@@ -19,15 +19,20 @@ from rsoconsole.records import (
     TrackState,
 )
 from rsoconsole.tracking import blended, further_tracks, track_decisions
-from rsoconsole.tracking._gates import INDISTINGUISHABLE, nis_of, refusals, track_updates
+from rsoconsole.tracking._gates import (
+    INDISTINGUISHABLE,
+    gate_rejection_reasons,
+    nis_of,
+    track_updates,
+)
 from rsoconsole.tracking._one_track import (
     follow_chosen,
     predicted_track,
     reinitiated_track,
-    shared_track,
-    stepped_track,
+    update_or_coast,
+    update_with_shared_streak,
 )
-from rsoconsole.tracking._takeover import Step
+from rsoconsole.tracking._takeover import FrameResult
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.association.following import (
     NO_DETECTION,
@@ -37,13 +42,13 @@ from rsoconsole.tracking.association.following import (
     FrameInput,
     LiveTrack,
     expected_motion,
-    not_followed,
+    not_followed_record,
     with_track_id,
 )
-from rsoconsole.tracking.association.pattern import Place, TrackPattern
+from rsoconsole.tracking.association.pattern import TrackPattern, TrackPlace
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import REFUSED, acquire
-from rsoconsole.tracking.joint import TrackCandidates, assign
+from rsoconsole.tracking.joint import TrackCandidates, assign_measurements
 
 
 def follow(
@@ -51,15 +56,17 @@ def follow(
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Return the state after a frame, and the frame's records in order."""
     seen, crossings = _without_crossings(seen)
-    before = track_decisions.with_decisions(before, seen, settings)
+    before = track_decisions.with_operator_decisions(before, seen, settings)
     if before.state not in ("TRACK", "COAST") or not before.tracks:
         steps = _steps_of_dropped(before, seen, settings)
         dropped, said = track_decisions.step_dropped_tracks(before.dropped, steps, seen)
-        after, records = acquire(before, track_decisions.without_taken(seen, steps), settings)
+        after, records = acquire(
+            before, track_decisions.without_accepted_measurements(seen, steps), settings
+        )
         after, records = replace(after, dropped=dropped), (*records, *said)
     else:
         after, records = _follow_tracks(before, seen, settings)
-    after, records = track_decisions.with_decisions_on_new(after, records, seen)
+    after, records = track_decisions.with_decisions_on_new_tracks(after, records, seen)
     records = track_decisions.with_kept_states_marked(records, before, after)
     records += with_track_id(crossings, before.track_id)
     if after.state != before.state and not any(isinstance(r, StateChange) for r in records):
@@ -97,14 +104,14 @@ def _without_crossings(seen: FrameInput) -> tuple[FrameInput, tuple[NotFollowed,
         chosen=None if seen.chosen in crossings else seen.chosen,
         absence=ONLY_CROSSING if is_all else seen.absence,
     )
-    return left, tuple(not_followed(m, NotTaken(kind="crossing")) for m in crossings)
+    return left, tuple(not_followed_record(m, NotTaken(kind="crossing")) for m in crossings)
 
 
 def _follow_tracks(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Follow all tracks through a frame, the lead first; where it ends, the next track leads."""
-    is_joint = settings.filter.uses_bank and settings.choice == "nearest"
+    is_joint = settings.filter.uses_filter_bank and settings.choice == "nearest"
     if is_joint:
         before = further_tracks.with_fewer_filters(before)
     if seen.chosen is not None and is_joint and len(before.tracks) > 1:
@@ -114,7 +121,9 @@ def _follow_tracks(
     else:
         steps = _steps_in_turn(before, seen, settings)
         if before.dropped:
-            steps += _steps_of_dropped(before, track_decisions.without_taken(seen, steps), settings)
+            steps += _steps_of_dropped(
+                before, track_decisions.without_accepted_measurements(seen, steps), settings
+            )
     of_dropped = steps[len(steps) - len(before.dropped) :]
     dropped, of_those_dropped = track_decisions.step_dropped_tracks(
         before.dropped, of_dropped, seen
@@ -122,7 +131,7 @@ def _follow_tracks(
     if before.dropped:
         before = replace(before, dropped=dropped)
     records: tuple[FoldRecord, ...] = ()
-    last_track_id, causes, ended = before.last_track_id, list[Cause](), list[Step]()
+    last_track_id, causes, ended = before.last_track_id, list[Cause](), list[FrameResult]()
     for number, (each, step) in enumerate(zip(before.tracks, steps, strict=False)):
         done = step
         if step.reacquired is not None:
@@ -131,7 +140,7 @@ def _follow_tracks(
             done = reinitiated_track(step, each, last_track_id, seen, settings)
         ended.append(done)
         refused = seen.refused if number == 0 else ()
-        said = (*done.records, *(not_followed(m, REFUSED) for m in refused))
+        said = (*done.records, *(not_followed_record(m, REFUSED) for m in refused))
         records += with_track_id(said, each.track.track_id)
         if done.begins_with is not None:
             return before.without_track("ACQUIRE", (done.begins_with,)), records
@@ -171,7 +180,7 @@ def _with_chosen_lead(
         if taken is not None and taken.measurement_id == wanted:
             tracks = before.tracks
             in_order = (tracks[number], *tracks[:number], *tracks[number + 1 :])
-            return replace(before, tracks=track_decisions.first_leads(in_order)), unsaid
+            return replace(before, tracks=track_decisions.with_first_as_lead(in_order)), unsaid
     return before, seen
 
 
@@ -179,7 +188,7 @@ def _pattern(before: Following, after: Following, seen: FrameInput) -> TrackPatt
     """Return the relative positions of the tracks after a frame."""
     tracks = (*after.tracks, *after.dropped)
     shown = {
-        each.track.track_id: Place.of(each.taken, each.track)
+        each.track.track_id: TrackPlace.from_measurement(each.taken, each.track)
         for each in tracks
         if each.taken is not None
         and each.taken.frame_id == seen.frame_id
@@ -192,16 +201,18 @@ def _pattern(before: Following, after: Following, seen: FrameInput) -> TrackPatt
     return patterns.pattern_after(before.pattern, alive, shown, seen.t_mid_utc_ns)
 
 
-def _steps_in_turn(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
+def _steps_in_turn(
+    before: Following, seen: FrameInput, settings: FollowSettings
+) -> list[FrameResult]:
     """Step each track in turn; a measurement accepted by one is not available to the next ones."""
-    steps: list[Step] = []
+    steps: list[FrameResult] = []
     left = seen
     for number, each in enumerate(before.tracks):
         if number == 0 and seen.chosen is not None:
             step = follow_chosen(each, seen.chosen, seen, settings)
         else:
             weighed = _weighed(each, left, settings)
-            step = stepped_track(weighed, _nearest(weighed, settings), each, left, settings)
+            step = update_or_coast(weighed, _nearest(weighed, settings), each, left, settings)
         steps.append(step)
         if step.begins_with is not None:
             return steps
@@ -212,21 +223,23 @@ def _steps_in_turn(before: Following, seen: FrameInput, settings: FollowSettings
     return steps
 
 
-def _steps_of_all(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
+def _steps_of_all(
+    before: Following, seen: FrameInput, settings: FollowSettings
+) -> list[FrameResult]:
     """Step all tracks at once, then the dropped ones; each measurement goes to one at most."""
     all_tracks = (*before.tracks, *before.dropped)
     alone = len(all_tracks) == 1
     # Where several are followed, neighbours are tracks themselves.
     tracks = [each if alone else replace(each, neighbours=()) for each in all_tracks]
     weighed = [_weighed(each, seen, settings) for each in tracks]
-    given = assign(weighed, before.pattern)
+    given = assign_measurements(weighed, before.pattern)
     of_two = blended.shared_streaks(weighed, given, before.pattern, seen, settings)
     steps = []
     for number, (each, taken, unsure, track) in enumerate(
         zip(weighed, given.taken, given.is_ambiguous, all_tracks, strict=True)
     ):
         if number in of_two:
-            steps.append(shared_track(each, of_two[number], track, seen))
+            steps.append(update_with_shared_streak(each, of_two[number], track, seen))
             continue
         of_others = {m for m in given.taken if m is not None and m is not taken}
         of_others |= {one.streak for one in of_two.values()}
@@ -237,18 +250,22 @@ def _steps_of_all(before: Following, seen: FrameInput, settings: FollowSettings)
             reasons={m: why for m, why in each.reasons.items() if m not in of_others},
         )
         if unsure:
-            unclear = dict.fromkeys(own.fitting, INDISTINGUISHABLE)
+            unclear = dict.fromkeys(own.in_gate, INDISTINGUISHABLE)
             own = replace(own, reasons={**own.reasons, **unclear})
-        step = stepped_track(own, taken, track, replace(seen, measurements=left), settings)
+        step = update_or_coast(own, taken, track, replace(seen, measurements=left), settings)
         steps.append(
-            step if track.track.is_lead else further_tracks.with_ending(step, track, seen, settings)
+            step
+            if track.track.is_lead
+            else further_tracks.end_track_if_lost(step, track, seen, settings)
         )
     if not chains.uses_window(settings):
         return steps
-    return further_tracks.without_ghost_lead(steps, all_tracks, seen, settings)
+    return further_tracks.end_unconfirmed_lead(steps, all_tracks, seen, settings)
 
 
-def _steps_of_dropped(before: Following, seen: FrameInput, settings: FollowSettings) -> list[Step]:
+def _steps_of_dropped(
+    before: Following, seen: FrameInput, settings: FollowSettings
+) -> list[FrameResult]:
     """Step the dropped tracks through a frame, each alone."""
     if not before.dropped:
         return []
@@ -256,7 +273,7 @@ def _steps_of_dropped(before: Following, seen: FrameInput, settings: FollowSetti
     return _steps_of_all(dropped, seen, replace(settings, choice="nearest"))
 
 
-def _led(before: Following, steps: tuple[Step, ...]) -> Following:
+def _led(before: Following, steps: tuple[FrameResult, ...]) -> Following:
     """Return the state of the continuing tracks, the lead first."""
     alive = [step for step in steps if step.after is not None]
     if not alive:
@@ -282,7 +299,7 @@ def _reason(
         return Cause(kind="waiting", detections=len(seen.measurements))
     lead = before.track_id
     missed = next((r for r in records if isinstance(r, Miss) and r.track_id == lead), None)
-    return Cause(kind="missed", missed=seen.why_absent if missed is None else missed.reason)
+    return Cause(kind="missed", missed=seen.miss_reason if missed is None else missed.reason)
 
 
 def _weighed(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> TrackCandidates:
@@ -290,11 +307,11 @@ def _weighed(before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> T
     predicted = predicted_track(before, seen, settings)
     weighed = _weighed_by(predicted, before, seen, settings)
     is_filters = predicted.foretold_by == "filter"
-    if not weighed.fitting and seen.measurements and seen.by_orbit is not None and is_filters:
+    if not weighed.in_gate and seen.measurements and seen.by_orbit is not None and is_filters:
         by_orbit = seen.by_orbit(predicted)
         if by_orbit is not None:
             again = _weighed_by(by_orbit, before, seen, settings)
-            return replace(again, by_filter=weighed.reasons) if again.fitting else weighed
+            return replace(again, by_filter=weighed.reasons) if again.in_gate else weighed
     return weighed
 
 
@@ -303,12 +320,12 @@ def _weighed_by(
 ) -> TrackCandidates:
     expected = expected_motion(predicted, seen.exposure_s)
     asked = seen.measurements
-    if not predicted.is_lead and settings.filter.uses_bank:
-        asked = further_tracks.within_reach(asked, predicted)
+    if not predicted.is_lead and settings.filter.uses_filter_bank:
+        asked = further_tracks.measurements_near_prediction(asked, predicted)
     updated = track_updates(predicted, asked, before, seen, settings)
     reasons: dict[Measurement, NotTaken] = {}
     if settings.choice == "nearest":  # the paper's rule asks for nothing but confidence
-        reasons = refusals(predicted, expected, updated, before, seen, settings)
+        reasons = gate_rejection_reasons(predicted, expected, updated, before, seen, settings)
     return TrackCandidates(
         predicted=predicted,
         updated=updated,
@@ -319,7 +336,7 @@ def _weighed_by(
 
 def _nearest(weighed: TrackCandidates, settings: FollowSettings) -> Measurement | None:
     """Fitting measurement that a track accepts when it is considered alone."""
-    fitting = weighed.fitting
+    fitting = weighed.in_gate
     if not fitting or settings.choice != "nearest":
         return next(iter(fitting), None)
     return min(fitting, key=lambda m: nis_of(weighed.updated[m]))

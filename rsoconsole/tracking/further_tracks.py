@@ -1,10 +1,9 @@
-"""Tracks beside the lead: measurements that no track has accepted may initiate another one. Pure.
+"""Tracks beside the lead, initiated by measurements that no track has accepted. Pure.
 
-Frames that agree on one motion initiate a track beside the lead, as they do the first. A track on
-trial (``chains.trial_lengths``) ends with its first miss, so that false streaks cost a frame or
-two; its last streak may then initiate another track. A track with three or four measurements coasts
-for less time than one of a whole night. A track that has left the field ends too: only the lead is
-searched for.
+Frames that agree on one motion initiate such a track, as they initiate the lead. A track on trial
+(``chains``) ends with its first miss, so that false streaks cost a frame or two; its last streak
+may then initiate another track. A track with three or four measurements coasts for less time than
+one of a whole night. A track that has left the field ends too: only the lead is searched for.
 """
 
 import math
@@ -14,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FoldRecord, Measurement, Miss, NotFollowed, TrackLost, TrackState
-from rsoconsole.tracking._takeover import Step, is_neighbour
+from rsoconsole.tracking._takeover import FrameResult, is_neighbour
 from rsoconsole.tracking.association.following import (
     TRACKABLE_CLASSES,
     Following,
@@ -35,8 +34,7 @@ from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import new_track
 
 UNSEEN_EACH = 2
-"""Number of frames that nothing hides and that do not show a track, for each one after its first,
-at which it ends: chance tracks end so, and one that fades initiates another track."""
+"""Number of unhidden frames without the track, for each with it after its first, that end it."""
 _SAME_STREAK_ARCSEC = 8.0
 """Distance, arcsec, below which a streak is an accepted one of a track, detected twice."""
 _BEYOND_SIGMAS, _BEYOND_ARCSEC = 5.0, 120.0
@@ -44,8 +42,7 @@ _OUTSIDE_S = 300.0
 
 
 MANY = 6
-"""Largest number of tracks that all keep the full grid of filters: more would cost too much time a
-frame."""
+"""Largest number of tracks that all keep the full grid of filters."""
 
 
 def with_fewer_filters(before: Following) -> Following:
@@ -64,10 +61,13 @@ def _lightened(one: LiveTrack) -> LiveTrack:
     return replace(one, track=adaptive.with_coarse_bank(one.track))
 
 
-def within_reach(
+def measurements_near_prediction(
     measurements: tuple[Measurement, ...], predicted: TrackState
 ) -> tuple[Measurement, ...]:
-    """Measurements near enough to a prediction to be compared; all others are beyond any gate."""
+    """Return the measurements near enough to a prediction to be compared with it.
+
+    All others are beyond any gate.
+    """
     here = lqe.direction_icrs_deg(predicted)
     scatter_s = 0.0 if predicted.mixture is None else predicted.mixture.scatter_high_s
     reach_arcsec = _BEYOND_ARCSEC + _BEYOND_SIGMAS * (
@@ -85,13 +85,16 @@ def within_reach(
     return tuple(near)
 
 
-def without_ghost_lead(
-    steps: list[Step], tracks: Sequence[LiveTrack], seen: FrameInput, settings: FollowSettings
-) -> list[Step]:
-    """Return the steps without a missed lead on trial, if another track is confirmed.
+def end_unconfirmed_lead(
+    steps: list[FrameResult],
+    tracks: Sequence[LiveTrack],
+    seen: FrameInput,
+    settings: FollowSettings,
+) -> list[FrameResult]:
+    """End a lead that is missed on trial, if another track is confirmed; return the steps.
 
-    The confirmed track then leads. Without one the lead goes on: its two streaks are the best
-    prediction there is.
+    The confirmed track then leads. Without one the lead continues, since its two streaks are the
+    best prediction available.
     """
     confirmed = (
         step.is_measured and step.after is not None and _is_confirmed(step.after)
@@ -102,11 +105,16 @@ def without_ghost_lead(
     if after is None or not any(confirmed):
         return steps
     asked = replace(steps[0], after=replace(after, trial=max(after.trial, chains.ON_TRIAL)))
-    return [with_ending(asked, tracks[0], seen, settings), *steps[1:]]
+    return [end_track_if_lost(asked, tracks[0], seen, settings), *steps[1:]]
 
 
-def with_ending(step: Step, before: LiveTrack, seen: FrameInput, settings: FollowSettings) -> Step:
-    """End a track beside the lead if it is missed on trial, seldom seen, or out of the field."""
+def end_track_if_lost(
+    step: FrameResult, before: LiveTrack, seen: FrameInput, settings: FollowSettings
+) -> FrameResult:
+    """End an unmeasured track if it is on trial, too seldom seen, or out of the field.
+
+    Returns the step unchanged where the track goes on.
+    """
     if step.after is None or step.is_measured:
         return step
     lost: TrackLost | None = None
@@ -129,7 +137,7 @@ def with_ending(step: Step, before: LiveTrack, seen: FrameInput, settings: Follo
         replace(r, reason=replace(r.reason, lost=lost)) if isinstance(r, Miss) else r
         for r in step.records
     )
-    return Step(records=records, after=None)
+    return FrameResult(records=records, after=None)
 
 
 def _is_confirmed(tracked: LiveTrack) -> bool:
@@ -147,7 +155,7 @@ def _has_left(coasted: LiveTrack, seen: FrameInput) -> bool:
     return not bool(holds[0]) and coasted_s > _OUTSIDE_S
 
 
-def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
+def initiate_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     before: Following,
     usable: tuple[Measurement, ...],
     alive: tuple[LiveTrack, ...],
@@ -155,30 +163,30 @@ def begin_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[tuple[LiveTrack, ...], set[Measurement]]:
-    """Initiate tracks by chains of frames that agree, the surest first.
+    """Initiate tracks by chains of frames that agree; return them and all measurements used.
 
-    Also returns all measurements used. ``alive``: the existing tracks; together with the new ones
-    there are at most as many as the settings allow.
+    ``alive``: the existing tracks; together with the new ones there are at most as many as the
+    settings allow.
     """
     room = settings.filter.most_tracks - len(alive)
     if room <= 0 or not usable or not (before.candidates or before.earlier):
         return (), set()
-    agreed = chains.found_chains(before, usable, seen, settings, alive)
+    agreed = chains.find_chains(before, usable, seen, settings, alive)
     each = [(*agreed[last], last) for last in usable if last in agreed][:room]
     rates = [lqe.sky_rate_arcsec_s(one.track) for one in alive]
     tracks = tuple(
         new_track(chain, last_track_id + number, seen, settings, is_lead=False, trial=trial)
         for number, (chain, trial) in enumerate(
-            zip(each, chains.trial_lengths(each, settings, rates), strict=True), 1
+            zip(each, chains.trial_update_counts(each, settings, rates), strict=True), 1
         )
     )
     return tracks, {m for chain in each for m in chain}
 
 
-def free_measurements(
-    steps: list[Step], seen: FrameInput, settings: FollowSettings
+def unclaimed_measurements(
+    steps: list[FrameResult], seen: FrameInput, settings: FollowSettings
 ) -> tuple[Measurement, ...]:
-    """Measurements that may initiate a track: no track has accepted or claimed them.
+    """Return the measurements that no track has accepted or claimed: they may initiate one.
 
     Claimed are possible streaks of a missed track (``_takeover``) and streaks that may belong to
     either of two tracks.
@@ -210,7 +218,7 @@ def free_measurements(
     )
 
 
-def _waited_for(step: Step, is_wide: bool) -> tuple[Measurement, ...]:
+def _waited_for(step: FrameResult, is_wide: bool) -> tuple[Measurement, ...]:
     """Measurements that may turn out to be of a missed track.
 
     A neighbour that was seen beside a track never is. Where more frames are used the lead alone
@@ -228,7 +236,7 @@ def _waited_for(step: Step, is_wide: bool) -> tuple[Measurement, ...]:
     )
 
 
-def _is_whole(refused: NotFollowed, step: Step, seen: FrameInput) -> bool:
+def _is_whole(refused: NotFollowed, step: FrameResult, seen: FrameInput) -> bool:
     """True where a streak beside the measurement of a track is as long: no part of the same."""
     if step.after is None:
         return False
@@ -239,16 +247,16 @@ def _is_whole(refused: NotFollowed, step: Step, seen: FrameInput) -> bool:
 def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thing
     before: Following,
     after: Following,
-    steps: list[Step],
+    steps: list[FrameResult],
     records: tuple[FoldRecord, ...],
     seen: FrameInput,
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Return state and records with the tracks that a frame initiates beside the existing ones."""
-    free = free_measurements(steps, seen, settings)
+    free = unclaimed_measurements(steps, seen, settings)
     if chains.uses_window(settings):
         before = _with_given_back(before, steps)
-    found, used = begin_tracks(before, free, after.tracks, after.last_track_id, seen, settings)
+    found, used = initiate_tracks(before, free, after.tracks, after.last_track_id, seen, settings)
     # What has begun a track is no longer refused by others.
     seconds = {each.taken for each in found}
     remaining = (
@@ -263,7 +271,7 @@ def with_new_tracks(  # noqa: PLR0917 -- one call, each argument a different thi
     ), (*remaining, *(each.track for each in found))
 
 
-def _with_given_back(before: Following, steps: Sequence[Step]) -> Following:
+def _with_given_back(before: Following, steps: Sequence[FrameResult]) -> Following:
     """Free the last measurement of a track that ended on trial: its partner was wrong."""
     ended_on_trial = [
         each

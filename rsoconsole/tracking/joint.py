@@ -1,15 +1,15 @@
 """Joint assignment of a frame's measurements to all tracks. Pure.
 
-Three things have likelihoods: each pair that passes the gates, a track that is not seen, and a
-streak that belongs to no track. Of all ways to explain the frame the likeliest is taken (global
+Likelihoods are given to each pair that passes the gates, to a track without a measurement, and to a
+streak that belongs to no track. Of all explanations of the frame the likeliest is taken (global
 nearest neighbour; Blackman & Popoli 1999, 6.4), by scipy's assignment.
 
-An error of a frame's time moves all of its streaks alike, and errors of the frames before are in
-the predictions: members of a slot may all be beside their predictions by as much as they are from
-each other. So every likely pair is assumed to be right in turn, and the other streaks then need
-only lie relative to it as they did before (``pattern``). Where an explanation that does not give a
-track its streak is as likely, the track accepts none. But two tracks that fit one streak alike
-frame after frame would wait for each other until both are lost: then the likelier accepts it
+An error of a frame's time moves all of its streaks alike, and errors of earlier frames are in the
+predictions: all members of a slot may be as far from their predictions as from each other. So every
+likely pair is assumed to be right in turn, and the other streaks then need only keep their earlier
+position relative to it (``pattern``). A track accepts no streak if an explanation that does not
+give it that streak is as likely. But two tracks that fit one streak equally well in every frame
+would both be lost that way: after some frames the likelier one accepts it
 (``filter.most_ambiguous``).
 """
 
@@ -27,16 +27,15 @@ from rsoconsole.tracking.association.pattern import (
     OTHER_MOTION_ARCSEC_S,
     BoolArray,
     TrackPattern,
-    own_covariance,
+    single_streak_covariance,
 )
 from rsoconsole.tracking.filters import adaptive, lqe
 from rsoconsole.tracking.filters.agreement import measurement_displacement
 from rsoconsole.tracking.filters.bank_update import inverses_and_log_dets
 from rsoconsole.tracking.filters.estimator import CandidateUpdate
-from rsoconsole.tracking.filters.sky_path import Plane
+from rsoconsole.tracking.filters.sky_path import TangentPlane
 
 DETECTION_PROBABILITY = 0.9
-"""Probability that an object in the field is detected."""
 STRANGERS_ARCSEC2 = 1e-6
 """Density of other streaks that move like a track, per square arcsec: a crowded slot."""
 _FREEDOM = 4.0
@@ -49,27 +48,25 @@ _MISSED = -2.0 * math.log(1.0 - DETECTION_PROBABILITY)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackCandidates:
-    """Candidates of one track among a frame's measurements."""
+    """Candidate measurements of one track in a frame, with their updates and rejections."""
 
     predicted: TrackState
     updated: dict[Measurement, CandidateUpdate]
-    """Updates of the track with the frame's candidate measurements."""
     reasons: dict[Measurement, NotTaken]
-    """Reasons why some of these measurements do not belong to the track."""
     by_filter: dict[Measurement, NotTaken] = field(default_factory=dict)
     """Reasons by the filter's own prediction, where the orbit's prediction is used instead."""
     must_decide: bool = False
     """True where the track has been ambiguous for so long that it accepts the likeliest."""
 
     @property
-    def fitting(self) -> tuple[Measurement, ...]:
-        """Return the candidates that passed the gates."""
+    def in_gate(self) -> tuple[Measurement, ...]:
+        """Candidate measurements that passed the gates."""
         return tuple(m for m in self.updated if m not in self.reasons)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """Measurement assigned to each track; None for none."""
+    """Result of an assignment: for each track its measurement, or None."""
 
     taken: tuple[Measurement | None, ...]
     is_ambiguous: tuple[bool, ...]
@@ -88,8 +85,7 @@ class _Pairs:
     places: FloatArray
     """(streaks, 2) places on one plane, arcsec."""
     own: FloatArray
-    """(tracks, streaks, 2, 2) covariance of a place without errors common to all of a frame,
-    arcsec^2."""
+    """(tracks, streaks, 2, 2) covariance of a place, arcsec^2, without a frame's common errors."""
     ways: FloatArray
     """(tracks, tracks, 2) relative positions, arcsec."""
     ways_covariance: FloatArray
@@ -105,7 +101,9 @@ class _Explanation:
     """Column of each track; from the number of streaks on: it was not seen."""
 
 
-def assign(tracks: Sequence[TrackCandidates], pattern: TrackPattern | None = None) -> Assignment:
+def assign_measurements(
+    tracks: Sequence[TrackCandidates], pattern: TrackPattern | None = None
+) -> Assignment:
     """Find the likeliest assignment of the frame's measurements to the tracks.
 
     ``pattern``: relative positions of the tracks in the frames before.
@@ -136,16 +134,16 @@ def assign(tracks: Sequence[TrackCandidates], pattern: TrackPattern | None = Non
 
 
 def _pairs(tracks: Sequence[TrackCandidates], pattern: TrackPattern) -> _Pairs:
-    columns = list(dict.fromkeys(m for each in tracks for m in each.fitting))
-    plane = Plane.at(*lqe.direction_icrs_deg(tracks[0].predicted))
+    columns = list(dict.fromkeys(m for each in tracks for m in each.in_gate))
+    plane = TangentPlane.at(*lqe.direction_icrs_deg(tracks[0].predicted))
     alone = np.full((len(tracks), len(columns)), np.nan)
     own = np.zeros((*alone.shape, 2, 2))
     for row, each in enumerate(tracks):
-        for m in each.fitting:
+        for m in each.in_gate:
             column, updated = columns.index(m), each.updated[m].state
             S = adaptive.innovation_covariance(updated)
             alone[row, column] = nis_of(updated) + math.log(float(np.linalg.det(S)))
-            own[row, column] = own_covariance(m, updated)
+            own[row, column] = single_streak_covariance(m, updated)
     ways, covariances = _ways(tracks, pattern, plane)
     rates = np.array([lqe.sky_rate_arcsec_s(each.predicted) for each in tracks])
     apart = np.linalg.norm(rates[:, None] - rates[None], axis=-1)
@@ -160,7 +158,7 @@ def _pairs(tracks: Sequence[TrackCandidates], pattern: TrackPattern) -> _Pairs:
             for each in columns
         ],
         alone=alone,
-        places=np.array([plane.place_of(m.ra_icrs_deg, m.dec_icrs_deg) for m in columns]),
+        places=np.array([plane.project_arcsec(m.ra_icrs_deg, m.dec_icrs_deg) for m in columns]),
         own=own,
         ways=ways,
         ways_covariance=covariances,
@@ -169,16 +167,16 @@ def _pairs(tracks: Sequence[TrackCandidates], pattern: TrackPattern) -> _Pairs:
 
 
 def _ways(
-    tracks: Sequence[TrackCandidates], pattern: TrackPattern, plane: Plane
+    tracks: Sequence[TrackCandidates], pattern: TrackPattern, plane: TangentPlane
 ) -> tuple[FloatArray, FloatArray]:
     """Ways between all tracks and their covariances, by the pattern or by the predictions."""
     predicted = [each.predicted for each in tracks]
     number, ids = len(tracks), [each.track_id for each in predicted]
-    known, ways, covariances = pattern.ways_between(ids, predicted[0].t_utc_ns)
+    known, ways, covariances = pattern.relative_positions_at(ids, predicted[0].t_utc_ns)
     unknown = [(i, j) for i in range(number) for j in range(i + 1, number) if not known[i, j]]
     if not unknown:
         return ways, covariances
-    places = [plane.place_of(*lqe.direction_icrs_deg(state)) for state in predicted]
+    places = [plane.project_arcsec(*lqe.direction_icrs_deg(state)) for state in predicted]
     own = [lqe.sky_covariance_arcsec2(state) for state in predicted]
     for i, j in unknown:
         way = places[j] - places[i]

@@ -11,10 +11,10 @@ How far an offset stays valid in the simulated mount (0.1 deg wrong in all, flip
 - 40 deg away it takes off only half of the error;
 - on the other side it is worse than none (6.0 against 5.7).
 
-Hence a flip or a slew of more than 10 deg ends its use. But offsets are remembered for the return
-to where they were learnt: that saves the frame which would be 5 arcmin off each time a list of
-targets goes round. The first frame after such a return replaces the offset, so that an outdated one
-lasts one frame. Pure.
+Hence an offset is no longer used after a flip or a slew of more than 10 deg. It is remembered for
+the return to the position where it was learnt: otherwise the first frame of each target in a
+repeated list would be 5 arcmin off. The first frame after such a return replaces the offset, so
+that an outdated one lasts one frame. Pure.
 """
 
 from dataclasses import dataclass, replace
@@ -42,8 +42,7 @@ class PointingOffset:
     """Eastward offset on the sky: right ascension times cos dec."""
     north_arcsec: float = 0.0
     samples: int = 0
-    """Number of frames in a row that have made it; 0 before any, and again for one only
-    remembered."""
+    """Number of frames in a row that have made it; 0 before any, and for one only remembered."""
     hour_angle_deg: float = 0.0
     """Hour angle of the last measurement, of date, west positive."""
     declination_deg: float = 0.0
@@ -55,29 +54,29 @@ NO_OFFSET = PointingOffset()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointingModel:
-    """Remembered offsets by position of the axes, the last one first.
+    """Remembered pointing offsets by position of the axes, the newest first.
 
-    Each is more than a large slew from all others on its side of the pier.
+    Those on one side of the pier are more than ``LARGE_SLEW_DEG`` from each other.
     """
 
     offsets: tuple[PointingOffset, ...] = ()
 
     @property
     def last(self) -> PointingOffset:
-        """Offset made by the last solved frame."""
+        """Offset after the last solved frame; ``NO_OFFSET`` before the first."""
         return self.offsets[0] if self.offsets else NO_OFFSET
 
     def at(self, hour_angle_deg: float, declination_deg: float, pier_side: Side) -> PointingOffset:
-        """Offset for a position of the axes; ``NO_OFFSET`` where none is known.
+        """Return the offset for a position of the axes; ``NO_OFFSET`` where none is known.
 
-        Its ``samples`` is 0 where it is remembered from before the telescope moved away and back.
+        Its ``samples`` is 0 where it was learnt before the telescope moved away and came back.
         """
         near = self._near(hour_angle_deg, declination_deg, pier_side)
         if not near:
             return NO_OFFSET
         return near[0] if near[0] is self.offsets[0] else replace(near[0], samples=0)
 
-    def with_last(self, offset: PointingOffset) -> "PointingModel":
+    def with_new_offset(self, offset: PointingOffset) -> "PointingModel":
         """Return the model with an offset just learnt, which replaces those near its position."""
         near = self._near(offset.hour_angle_deg, offset.declination_deg, offset.pier_side)
         others = tuple(each for each in self.offsets if each not in near)
@@ -129,7 +128,7 @@ def with_solved_frame(
         declination_deg=declination_deg,
         pier_side=pier_side,
     )
-    return before.with_last(after)
+    return before.with_new_offset(after)
 
 
 def pointing_command(

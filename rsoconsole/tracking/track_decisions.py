@@ -1,19 +1,19 @@
-"""Decisions of the operator on whole tracks: one is dropped, or kept while unseen. Pure.
+"""Decisions of the operator on whole tracks: to drop one, or keep it while unseen. Pure.
 
-A dropped track is still followed, on no record and in no list, so that its streaks are known and
-initiate no other track; it is forgotten once it has left the field, or may have.
+A dropped track is still followed, but neither recorded nor listed: its streaks are recognised and
+initiate no other track. It is forgotten once it has left the field, or may have left it.
 """
 
 from dataclasses import replace
 
 from rsoconsole.records import FoldRecord, Miss, NotFollowed, NotTaken, TrackState
-from rsoconsole.tracking._takeover import Step
+from rsoconsole.tracking._takeover import FrameResult
 from rsoconsole.tracking.association.following import (
     Following,
     FollowSettings,
     FrameInput,
     LiveTrack,
-    not_followed,
+    not_followed_record,
     with_track_id,
 )
 
@@ -22,8 +22,10 @@ MAX_DROPPED = 12
 DROPPED = NotTaken(kind="dropped")
 
 
-def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings) -> Following:
-    """Return the state before a frame, with the operator's decisions from that frame on applied."""
+def with_operator_decisions(
+    before: Following, seen: FrameInput, settings: FollowSettings
+) -> Following:
+    """Return the state before a frame, after applying the operator's decisions for that frame."""
     if before.dropped:
         most_s = settings.filter.max_coast_s
         known = (
@@ -39,7 +41,7 @@ def with_decisions(before: Following, seen: FrameInput, settings: FollowSettings
     return _without(replace(before, tracks=left), gone)
 
 
-def with_decisions_on_new(
+def with_decisions_on_new_tracks(
     after: Following, records: tuple[FoldRecord, ...], seen: FrameInput
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Return state and records with the operator's decisions on tracks that the frame initiates."""
@@ -57,11 +59,11 @@ def with_decisions_on_new(
 
 
 def step_dropped_tracks(
-    dropped: tuple[LiveTrack, ...], steps: list[Step], seen: FrameInput
+    dropped: tuple[LiveTrack, ...], steps: list[FrameResult], seen: FrameInput
 ) -> tuple[tuple[LiveTrack, ...], tuple[FoldRecord, ...]]:
     """Return the dropped tracks after a frame, and records of the streaks that belong to them.
 
-    A track whose streak the operator wants followed is dropped no longer.
+    A track whose streak the operator has chosen is removed from the dropped ones.
     """
     wanted = None if seen.chosen is None else seen.chosen.measurement_id
     after, records = list[LiveTrack](), tuple[FoldRecord, ...]()
@@ -73,11 +75,11 @@ def step_dropped_tracks(
             after.append(step.after)
         elif taken.measurement_id != wanted:
             after.append(step.after)
-            records += with_track_id((not_followed(taken, DROPPED),), before.track.track_id)
+            records += with_track_id((not_followed_record(taken, DROPPED),), before.track.track_id)
     return tuple(after), records
 
 
-def without_taken(seen: FrameInput, steps: list[Step]) -> FrameInput:
+def without_accepted_measurements(seen: FrameInput, steps: list[FrameResult]) -> FrameInput:
     """Return the frame without measurements accepted in ``steps``, except the operator's choice."""
     taken = {
         step.after.taken.measurement_id
@@ -105,7 +107,7 @@ def with_kept_states_marked(
     )
 
 
-def first_leads(tracks: tuple[LiveTrack, ...]) -> tuple[LiveTrack, ...]:
+def with_first_as_lead(tracks: tuple[LiveTrack, ...]) -> tuple[LiveTrack, ...]:
     """Return the tracks with the first one marked as the lead, and no other."""
     return tuple(
         each
@@ -133,7 +135,7 @@ def _without(following: Following, gone: tuple[LiveTrack, ...]) -> Following:
     )
     dropped = (*following.dropped, *unseen)[-MAX_DROPPED:]
     if left:
-        return replace(following, tracks=first_leads(left), dropped=dropped)
+        return replace(following, tracks=with_first_as_lead(left), dropped=dropped)
     waiting = following.candidates
     state = following.without_track("ACQUIRE" if waiting else "SEARCH", waiting)
     return replace(state, dropped=dropped)

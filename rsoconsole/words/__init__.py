@@ -1,7 +1,7 @@
 """Wording of a night's facts, reasons and figures, in forms of several widths.
 
-All other rooms take their words from here. Pure functions of records and plain values: no colours,
-no fitting to a width, no JSON. No decision depends on the words.
+All other packages take their wording from here. Pure functions of records and plain values: no
+colours, no fitting to a width, no JSON. No decision depends on the words.
 """
 
 from lazy_loader import attach_stub

@@ -70,12 +70,12 @@ def error_figure(value: float) -> str:
 
 
 def plus_minus(value: float, sigma: float | None) -> str:
-    """Format a value with its sigma, both to the sigma's first digit: 42165±9, .0002±.0001."""
-    texts = with_sigma(value, sigma)
+    """Format value and sigma, both rounded to the sigma's first digit: 42165±9, .0002±.0001."""
+    texts = rounded_to_sigma(value, sigma)
     return "±".join(text.removeprefix("0") if "." in text else text for text in texts if text)
 
 
-def with_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[str, str]:
+def rounded_to_sigma(value: float, sigma: float | None, *, digits: int = 1) -> tuple[str, str]:
     """Return value and sigma as texts, both rounded to ``digits`` digits of the sigma.
 
     The sigma's text is empty where the sigma is None, not finite, or not above 0.
@@ -97,8 +97,8 @@ def count_words(count: int, noun: str, plural: str | None = None) -> str:
     return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
 
 
-def joined(words: Sequence[str]) -> str:
-    """Join words: "a", "a and b", "a, b and c"."""
+def join_words(words: Sequence[str]) -> str:
+    """Join words with commas and "and": "a", "a and b", "a, b and c"."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 

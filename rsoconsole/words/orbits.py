@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName, PairMotion, UnseenMember
 from rsoconsole.words.angles import angle, plus_minus
-from rsoconsole.words.times import NS_PER_S, Clock, clock, duration_words, element_age_words
+from rsoconsole.words.times import NS_PER_S, Clock, duration_words, element_age_words, utc_text
 
 
 def semi_major_axis_words(a_km: float, sigma_a_km: float) -> str:
@@ -13,11 +13,12 @@ def semi_major_axis_words(a_km: float, sigma_a_km: float) -> str:
 
 
 def due_words(what: str, t_utc_ns: int, now_utc_ns: int, form: Clock = "minute") -> str:
-    """Format a coming event with the time left: sets 04:23Z (2h00).
+    """Format a coming event with its time and the time left: sets 04:23Z (2h00).
 
-    ``what``: the event; ``form``: of its time.
+    ``what``: the event in words; ``form``: form of its time.
     """
-    return f"{what} {clock(t_utc_ns, form)} ({duration_words((t_utc_ns - now_utc_ns) / NS_PER_S)})"
+    left = duration_words((t_utc_ns - now_utc_ns) / NS_PER_S)
+    return f"{what} {utc_text(t_utc_ns, form)} ({left})"
 
 
 def set_or_rise_words(
@@ -40,13 +41,13 @@ def eclipse_words(
 ) -> str:
     """Say when an eclipse begins and ends, or that it has begun.
 
-    ``eclipse_utc_ns``: its begin and end (None: not known), or None for no eclipse within a day. An
+    ``eclipse_utc_ns``: its begin and end (None: end not known); None: no eclipse within a day. An
     eclipse that begins before ``from_utc_ns`` has begun.
     """
     if eclipse_utc_ns is None:
         return "no eclipse within a day"
     begins, ends = eclipse_utc_ns
-    until = f" to {clock(ends, 'minute')}" if ends else ""
+    until = f" to {utc_text(ends, 'minute')}" if ends else ""
     is_in = begins <= from_utc_ns
     return ("in eclipse" if is_in else due_words("eclipse", begins, now_utc_ns, form)) + until
 
@@ -62,8 +63,8 @@ def separation_rate_words(pair: PairMotion) -> str:
     return f"{pair.separation_rate_arcsec_min:+.2f} ± {sigma:.2f}″/min"
 
 
-def closest_words(pair: PairMotion) -> str:
-    """Say how near a pair comes and when, or that the pair parts."""
+def approach_words(pair: PairMotion) -> str:
+    """Say how close two satellites come and when, or that they move apart."""
     hours = pair.horizon_s / 3600.0
     if pair.closest == "now":
         return f"they part, looked {hours:.1f} h ahead"
@@ -71,7 +72,7 @@ def closest_words(pair: PairMotion) -> str:
     if pair.closest == "beyond":
         return f"still nearing in {hours:.1f} h: {within}"
     off_min = max(pair.sigma_closest_s / 60.0, 0.5)
-    return f"least {within} at {clock(pair.closest_utc_ns, 'minute', '')} ± {off_min:.0f} min"
+    return f"least {within} at {utc_text(pair.closest_utc_ns, 'minute', '')} ± {off_min:.0f} min"
 
 
 def unseen_words(name: str, member: UnseenMember) -> str:
@@ -86,8 +87,8 @@ def catalogued_name(name: str | None, norad_id: int) -> str:
     return f"{name} ({norad_id})" if name else str(norad_id)
 
 
-def identity(found: Identified | None) -> str:
-    """Format an identity: INTELSAT 14, UCT 7?, not in catalogue; "-": none yet, "?": in doubt."""
+def identity_words(found: Identified | None) -> str:
+    """Format an identity: INTELSAT 14, UCT 7, not in catalogue; "?": in doubt, "-": none yet."""
     if found is None:
         return "-"
     if found.verdict == "unknown":
@@ -99,7 +100,7 @@ def identity(found: Identified | None) -> str:
     return (best.name or str(best.norad_id)) + ("" if found.verdict == "identified" else "?")
 
 
-def offset_words(match: CatalogueMatch) -> str:
+def match_separation_words(match: CatalogueMatch) -> str:
     """Format the separation of a track from a catalogued object: 0.45″, 3.1″, 4.2′."""
     return angle(match.separation_arcsec, "cell")
 
@@ -108,14 +109,17 @@ def match_words(match: CatalogueMatch) -> list[str]:
     """Return the parts of a catalogue match in words: 98%, 3.1″ off, elements 0.4 d old."""
     return [
         probability_words(match.probability),
-        f"{offset_words(match)} off",
+        f"{match_separation_words(match)} off",
         f"elements {element_age_words(match.tle_age_days)}",
     ]
 
 
 def ledger_words(past: LedgerName) -> str:
-    """Format a name of the ledger: UCT 7, seen 2026-11-20; perhaps UCT 7, seen 2026-11-20 (93%)."""
-    words = f"{past.name}, seen {clock(past.t_last_utc_ns, 'day', '')}"
+    """Format a name from the ledger with the day it was last seen: UCT 7, seen 2026-11-20.
+
+    Where it is not sure: perhaps UCT 7, seen 2026-11-20 (93%).
+    """
+    words = f"{past.name}, seen {utc_text(past.t_last_utc_ns, 'day', '')}"
     return words if past.is_sure else f"perhaps {words} ({probability_words(past.probability)})"
 
 

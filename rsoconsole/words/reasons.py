@@ -81,7 +81,6 @@ _DROPPED: dict[DroppedBy, str] = {
 }
 
 STOP_PATHS = {"mount": "the mount's own process", "indi": "a second INDI connection"}
-"""Paths by which a STOP reaches the mount, in words."""
 CUT_POWER = "cut the mount's power"
 _SLEW_REFUSED: dict[SlewRefusalKind, str] = {
     "altitude": "altitude {value:.1f} deg is {by} below the limit of {bound:.1f}{later}",
@@ -168,7 +167,7 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
         case "ruled":
             return f"frame {result.frame_id}: {decision_text(result)}"
         case "answered":
-            return answered_text(result.stop_ms or 0.0, result.stop_path, result.stop_ordered_ms)
+            return stop_answer_text(result.stop_ms or 0.0, result.stop_path, result.stop_ordered_ms)
         case "measured":
             seconds = (result.stop_ms or 0.0) / 1e3
             return measured_text(result.stop_outcome, result.rate_deg_s, seconds, why=result.detail)
@@ -177,19 +176,19 @@ def _result(result: CommandResult) -> str:  # noqa: PLR0911 -- one case a kind
         case "dropped":
             return _DROPPED[result.dropped_by or "STOP"]
         case "failed":
-            return f"NOT answered: {result.detail}{ordered_text(result.stop_ordered_ms)}"
+            return f"NOT answered: {result.detail}{stop_order_text(result.stop_ordered_ms)}"
         case _:
             assert_never(result.kind)
 
 
-def answered_text(ms: float, path: str, ordered_ms: float | None) -> str:
-    """Say that the mount's driver answered a STOP, after how long, and by which path.
+def stop_answer_text(ms: float, path: str, ordered_ms: float | None) -> str:
+    """Say after how long and by which path the mount's driver answered a STOP.
 
     ``ms``: time until the answer; ``path``: key of ``STOP_PATHS``; ``ordered_ms``: time until the
     STOP was ordered, None: not known.
     """
     way = STOP_PATHS.get(path, path)
-    return f"ABORT answered in {ms:.0f} ms by {way}{ordered_text(ordered_ms)}"
+    return f"ABORT answered in {ms:.0f} ms by {way}{stop_order_text(ordered_ms)}"
 
 
 def measured_text(
@@ -203,7 +202,7 @@ def measured_text(
     """Say how a STOP ended: the mount stands, tracks, still moves, or that this is not known.
 
     ``rate_deg_s``: rate at which the mount still moves; ``seconds``: time until it was at rest;
-    ``why``, ``remedy``: for an end that is not known.
+    ``why``, ``remedy``: cause and remedy where the end is not known.
     """
     if motion is None or motion == "unknown":
         return unmeasured_text(why, remedy)
@@ -224,10 +223,10 @@ def rate_text(rate_deg_s: float) -> str:
     return f"{rate_deg_s * 3600.0:.0f} arcsec/s"
 
 
-def ordered_text(ordered_ms: float | None, within: str = "; {}", unknown: str = "") -> str:
-    """Say how soon a STOP was ordered: "; ordered in 12 ms".
+def stop_order_text(ordered_ms: float | None, within: str = "; {}", unknown: str = "") -> str:
+    """Say after what time a STOP was ordered: "; ordered in 12 ms".
 
-    ``within``: template of the words; ``unknown``: result where the time is None.
+    ``within``: template of the words; ``unknown``: text for a time of None.
     """
     return unknown if ordered_ms is None else within.format(f"ordered in {ordered_ms:.0f} ms")
 

@@ -9,7 +9,7 @@ OLD_DAYS = 180
 """Age in days from which on a calibration is old: drivers are updated, cables changed."""
 
 
-def mode_words(mode: tuple[object, ...], others: str = "any exposure") -> str:
+def camera_mode_words(mode: tuple[object, ...], others: str = "any exposure") -> str:
     """Format a camera's mode: ``2 s, 1x1, 4656 x 3520 px, gain 139``.
 
     ``others``: words for a mode without an exposure time.
@@ -33,12 +33,12 @@ def timing_words(timing: CalibratedTiming, today: date) -> str:
     return (
         f"{timing.bias_s * 1e3:+.1f} ± {timing.bias_sigma_s * 1e3:.1f} ms late, scatter"
         f" {timing.scatter_s * 1e3:.1f} ± {timing.scatter_sigma_s * 1e3:.1f} ms,"
-        f" lines {line_time_words(timing)}, {age_words(timing, today)}"
+        f" lines {line_time_words(timing)}, {calibration_age_words(timing, today)}"
     )
 
 
-def errors_words(timing: CalibratedTiming) -> str:
-    """Format only the errors of a calibration: of bias, scatter and line time."""
+def timing_errors_words(timing: CalibratedTiming) -> str:
+    """Format the errors of a calibration: those of bias, scatter and line time."""
     line = timing.line_time_sigma_us
     lines = "lines not measured" if line is None else f"lines ±{line:.1f} µs"
     return (
@@ -55,14 +55,14 @@ def line_time_words(timing: CalibratedTiming) -> str:
     return f"{value} ± {timing.line_time_sigma_us:.1f} µs"
 
 
-def age_days(timing: CalibratedTiming, today: date) -> int:
+def calibration_age_days(timing: CalibratedTiming, today: date) -> int:
     """Return the whole days since a calibration's last night."""
     return (today - timing.measured_on).days
 
 
-def age_words(timing: CalibratedTiming, today: date) -> str:
+def calibration_age_words(timing: CalibratedTiming, today: date) -> str:
     """Format a calibration's age: of today, 1 day old, 3 days old."""
-    days = age_days(timing, today)
+    days = calibration_age_days(timing, today)
     return "of today" if days == 0 else "1 day old" if days == 1 else f"{days} days old"
 
 
@@ -76,4 +76,6 @@ def shutter_words(exposure: ExposureConfig, today: date) -> str:
     newest = max(exposure.calibrated, key=lambda each: each.measured_on)
     others = len(exposure.calibrated) - 1
     more = f" (and {count_words(others, 'other mode')})" if others else ""
-    return f"shutter at {mode_words(newest.mode)}: {timing_words(newest, today)}{more}"
+    return (
+        f"shutter at {camera_mode_words(newest.camera_mode)}: {timing_words(newest, today)}{more}"
+    )

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from rsoconsole.records import Detection
 
 PLAIN = ("satellite", "undetermined")
-"""Classes of detections that may start a track."""
 
 
 def streak_name(streak: Detection) -> str:
@@ -20,7 +19,10 @@ def streak_name(streak: Detection) -> str:
 
 
 def streak_name_words(kind: str, object_class: str, probability: float, *, train: int) -> str:
-    """Format kind, class, probability and train given singly, as ``streak_name`` does."""
+    """Format a streak's kind, class with probability, and train: crossing, aircraft 0.83.
+
+    "streak", "undetermined" and a train of 0 are left out.
+    """
     words = [] if kind == "streak" else [kind]
     if object_class != "undetermined":
         words.append(f"{object_class} {probability:.2f}")
@@ -30,21 +32,21 @@ def streak_name_words(kind: str, object_class: str, probability: float, *, train
 
 
 def short_name_of(streak: Detection) -> str:
-    """Return a streak's class in one word, else its kind; empty where neither says anything."""
+    """Return a streak's class, else its kind; empty for "undetermined" and "streak"."""
     if streak.object_class != "undetermined":
         return streak.object_class
     return "" if streak.kind == "streak" else streak.kind
 
 
-def size_of(streak: Detection) -> str:
+def streak_size_words(streak: Detection) -> str:
     """Format a streak's length and width: 120×3.1 px."""
     return f"{streak.length_px:.0f}×{streak.width_px:.1f} px"
 
 
-def parts_of(streak: Detection) -> list[str]:
-    """Return a streak's size, SNR, name and pulse in words, one item each, without empty items."""
+def streak_detail_words(streak: Detection) -> list[str]:
+    """Return a streak's size, SNR, name and pulse in words, as a list without empty items."""
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
-    parts = (size_of(streak), snr, streak_name(streak), streak_pulse_words(streak))
+    parts = (streak_size_words(streak), snr, streak_name(streak), streak_pulse_words(streak))
     return [each for each in parts if each]
 
 
@@ -56,7 +58,7 @@ def streak_pulse_words(streak: Detection) -> str:
 
 
 def pulse_words(period_px: float | None, period_s: float | None, depth: float | None) -> str:
-    """Format period and depth given singly, as ``streak_pulse_words`` does."""
+    """Format period and depth of a varying brightness; empty where ``period_px`` is None."""
     if period_px is None:
         return ""
     period = f"{period_px:.1f} px"
@@ -65,8 +67,8 @@ def pulse_words(period_px: float | None, period_s: float | None, depth: float | 
     return f"pulses every {period}, depth {depth or 0.0:.2f}"
 
 
-def notable_streaks(streaks: Iterable[Detection]) -> str:
-    """Name the streaks that start no track, and how many of each, in one line; empty: none."""
+def notable_streaks_words(streaks: Iterable[Detection]) -> str:
+    """List the streaks that start no track, with the number of each; empty if there are none."""
     counts = Counter(
         streak_name(each)
         for each in streaks

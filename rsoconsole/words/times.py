@@ -28,10 +28,10 @@ def utc_ns_to_iso(t_utc_ns: int, decimals: int = 3) -> str:
     return f"{day.isoformat()}T{hms}{tail}Z"
 
 
-def clock(t_utc_ns: int | None, form: Clock = "second", zone: str = "Z") -> str:
-    """Format an instant: 05:39:40Z, 05:39Z, 2026-07-14 05:39:40Z; dashes where it is not known.
+def utc_text(t_utc_ns: int | None, form: Clock = "second", zone: str = "Z") -> str:
+    """Format an instant: 05:39:40Z, 05:39Z, 2026-07-14 05:39:40Z; dashes where it is None.
 
-    ``form``: which of these; ``zone``: ending of the text.
+    ``form``: which of these forms; ``zone``: suffix of the text.
     """
     if not t_utc_ns:
         return ("--:--" if form == "minute" else "--:--:--") + zone
@@ -42,9 +42,9 @@ def date_span_words(first_utc_ns: int | None, last_utc_ns: int | None) -> str:
     """Format a span of time; the date is written once where both ends have the same."""
     if first_utc_ns is None or last_utc_ns is None:
         return "nothing on record yet"
-    days = [clock(each, "day", "") for each in (first_utc_ns, last_utc_ns)]
-    until = clock(last_utc_ns, "second" if days[0] == days[1] else "dated", "")
-    return f"{clock(first_utc_ns, 'dated', '')} to {until} UTC"
+    days = [utc_text(each, "day", "") for each in (first_utc_ns, last_utc_ns)]
+    until = utc_text(last_utc_ns, "second" if days[0] == days[1] else "dated", "")
+    return f"{utc_text(first_utc_ns, 'dated', '')} to {until} UTC"
 
 
 def duration_words(seconds: float, form: Literal["cell", "line"] = "cell") -> str:
@@ -65,5 +65,5 @@ def time_left_words(seconds: float) -> str:
 
 
 def element_age_words(days: float) -> str:
-    """Format the age of elements: 0.4 d old; a negative age: 0.2 d younger."""
+    """Format the age of elements: 0.4 d old; 0.2 d younger where the age is negative."""
     return f"{abs(days):.1f} d {'old' if days >= 0.0 else 'younger'}"

@@ -17,7 +17,7 @@ from rsoconsole.orbits import (
     CatalogueEntry,
     FieldCatalogue,
     match_field,
-    nearest_in_epoch_of_each,
+    nearest_epoch_entries,
 )
 from rsoconsole.orbits.elements.sky_paths import Observer
 from rsoconsole.sky import site_gcrs, unit_to_direction
@@ -42,7 +42,7 @@ class Fields:
         self.rng = np.random.default_rng(seed)
         self.catalogue = FieldCatalogue(entries)
         self.t_utc_ns = DAY_UTC_NS + round(self.rng.uniform(0.0, 0.2) * 86_400) * NS_PER_S
-        entries = nearest_in_epoch_of_each(entries, self.t_utc_ns)
+        entries = nearest_epoch_entries(entries, self.t_utc_ns)
         self.true = tuple(off_its_elements(each, self.t_utc_ns, self.rng) for each in entries)
         self.satellites = SatrecArray([each.record for each in self.true])
         self.asked_s: list[float] = []
@@ -51,7 +51,7 @@ class Fields:
         """One field's answers, by class of orbit and line."""
         rng, t = self.rng, self.t_utc_ns + round(self.rng.uniform(0.0, 600.0) * NS_PER_S)
         exposure_s = float(rng.choice([0.3, 1.0, 3.0, 10.0]))
-        seen = Observer(SITE, t).seen(self.satellites, np.zeros(1))
+        seen = Observer(SITE, t).places_at_leads(self.satellites, np.zeros(1))
         up = seen.u[:, 0] @ (z := site_gcrs(SITE, np.array([t]))[0][0]) / np.linalg.norm(z) > 0.35
         is_low = seen.range_km[:, 0] < 3000.0
         wanted = np.flatnonzero(up & (is_low == (rng.random() < 0.5)))

@@ -86,7 +86,7 @@ def answers(
 ) -> Iterator[tuple[Path, FrameMatches]]:
     """Of each frame."""
     for number, path in enumerate(paths, start=1):
-        yield path, run.frame(reader.read(read_frame(path, number)))
+        yield path, run.match_frame(reader.read(read_frame(path, number)))
 
 
 def main() -> None:

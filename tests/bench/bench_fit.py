@@ -18,7 +18,14 @@ import cv2
 import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.simulator import Scene, cloud_at, frame_rng, render, scenario_named, straight_streak
+from rsoconsole.simulator import (
+    Scene,
+    frame_rng,
+    render,
+    scenario_named,
+    straight_streak,
+    transmission_at,
+)
 from rsoconsole.sky import tan_wcs
 from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
 from rsoconsole.vision.streaks.streak_fit import NoStreak
@@ -96,7 +103,7 @@ def drawn(number: int, seed: int) -> tuple[PixelArray, float, list[_Truth]]:
         )
         light = np.array([1.0, 0.45]) if truth.is_fading else None
         x, y = np.linspace(*ends, 9).T
-        clear = cloud_at(sensor, content.cloud_transmission, x, y)
+        clear = transmission_at(sensor, content.cloud_transmission, x, y)
         streaks.append(straight_streak(*ends, electrons * truth.length_px, light))
         truths.append(replace(truth, peak_snr=truth.peak_snr * float(clear.mean())))
     content = replace(content, streaks=tuple(streaks))

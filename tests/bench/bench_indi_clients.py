@@ -164,7 +164,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--frames", type=int, default=8)
     asked = parser.parse_args()
-    libraries = [each for each in LIBRARIES if each.is_there]
+    libraries = [each for each in LIBRARIES if each.is_installed]
     found: dict[str, dict[str, list[float]]] = {each.name: {} for each in libraries}
     with tempfile.TemporaryDirectory() as folder:
         for number in range(asked.rounds):

@@ -19,8 +19,8 @@ from rsoconsole.cli.demo._demo_targets import plan_targets
 from rsoconsole.config import Config, OpticsConfig
 from rsoconsole.pipeline import open_reducer
 from rsoconsole.records import CycleTiming, Event, Frame, SlewCommand
-from rsoconsole.simulator import Scene, binned, world_from
-from rsoconsole.simulator.nights.night_plan import scenario_of, stars_of
+from rsoconsole.simulator import Scene, binned_optics, world_from
+from rsoconsole.simulator.nights.night_plan import load_stars_for_plan, scenario_from_plan
 from rsoconsole.sky import icrs_of_hour_angle
 from tests.campaign.leaps import FILE
 from tests.makers import NS
@@ -77,13 +77,15 @@ def main() -> None:
     frames = int(numbers[0]) if numbers else 40
     joined = 1 if "--full" in sys.argv else 2
     world = world_from({"sensor": {"binning": joined}})
-    optics = binned(OpticsConfig(), world)
+    optics = binned_optics(OpticsConfig(), world)
     table = {name: dict(values) for name, values in SETTINGS.items()}
     table |= {"optics": optics.model_dump(), "site": SITE, "catalogue": {"tle_files": [str(FILE)]}}
     table["leap"]["at_close"] = False
     config = Config.model_validate(table)
     plan = plan_targets([str(NORAD_ID)], config, at=AT, seed=1, frames=frames)
-    scene = Scene(scenario_of(plan), 1, optics=optics, catalogue=stars_of(plan), world=world)
+    scene = Scene(
+        scenario_from_plan(plan), 1, optics=optics, catalogue=load_stars_for_plan(plan), world=world
+    )
     made = engine_rig.rig(set(), config)
     made.clock.t_utc_ns = plan.t_start_utc_ns
     mount = TimedMount(made.clock)
@@ -101,7 +103,7 @@ def main() -> None:
         engine = engine_rig.Engine(
             config=config,
             instrument_controller=engine_rig.InstrumentController(
-                instruments, config, lambda: made.queue.is_wanted
+                instruments, config, lambda: made.queue.is_interrupt_wanted
             ),
             reducer=reducer,
             record=made.memory,

@@ -18,11 +18,11 @@ from rsoconsole.orbits import (
     EarlierTrack,
     MeasuredDirections,
     correlate_tracks,
-    determine,
+    determine_orbit,
     mid_track_direction_and_rates,
     parse_catalogue,
 )
-from rsoconsole.orbits.identification.uncorrelated import log_density
+from rsoconsole.orbits.identification.uncorrelated import track_log_density
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.bench.bench_identify import SITE, TLES, seen_off_elements, visible
 
@@ -42,7 +42,7 @@ def seen_by_sgp4(
 def kept_of(number: int, seen: MeasuredDirections) -> EarlierTrack:
     """What the ledger keeps of a track."""
     t, ra, dec, rate, _ = mid_track_direction_and_rates(seen)
-    orbit = determine(seen)
+    orbit = determine_orbit(seen)
     has_orbit = orbit is not None and orbit.label in ("free", "constrained by prior")
     return EarlierTrack(
         number=number,
@@ -112,7 +112,7 @@ def others(minutes: float, gap_days: float, random: np.random.Generator) -> None
             tally["others: taken for one"] += found.number is not None
             tally["others: perhaps one"] += found.number is None and bool(found.candidates)
             pairs += len(before)
-            inside += sum(log_density(one, track, SITE) is not None for one in before)
+            inside += sum(track_log_density(one, track, SITE) is not None for one in before)
     weak = sum(each.orbit is None for each in before)
     print(
         f"{minutes:4.0f} min, {gap_days:g} d: {dict(tally)}; of {pairs} pairs {inside} within the"

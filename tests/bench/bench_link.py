@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from rsoconsole.orbits import TrackletOrbit, probability_of, tracklet_orbit
-from rsoconsole.orbits.determination.join import log_odds
+from rsoconsole.orbits import TrackletOrbit, probability_from_log_odds, tracklet_orbit
+from rsoconsole.orbits.determination.join import log_odds_same_object
 from rsoconsole.tracking import link_points
 from tests.tracking.test_link import FRAMES, KNOWN, annotated, spoilt, true_links
 from tests.truth.seen_satellites import geostationary, instants, seen
@@ -77,7 +77,7 @@ def nights(count: int, seed: int) -> None:
             ]
             both.append([each for each in found if each is not None])
         claims += [
-            (probability_of(log_odds(one, other)), m == n)
+            (probability_from_log_odds(log_odds_same_object(one, other)), m == n)
             for m, one in enumerate(both[0])
             for n, other in enumerate(both[1])
         ]

@@ -52,7 +52,7 @@ def night(count: int, shown: int, config: Config, follow_with: FollowSettings) -
         began_s = time.thread_time()
         for record in (*sight.measurements, *records):
             orbits.receive(record)
-        told = orbits.refine()
+        told = orbits.derive_frame_records()
         orbits_ms.append((time.thread_time() - began_s) * 1e3)
         is_naming.append(any(isinstance(each, Identified) for each in told))
     return {

@@ -26,12 +26,18 @@ from unittest.mock import patch
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbits import MeasuredDirections, Orbit, determine, elements_of, predict
+from rsoconsole.orbits import (
+    MeasuredDirections,
+    Orbit,
+    determine_orbit,
+    osculating_elements,
+    predict,
+)
 from rsoconsole.orbits.determination.fit import Prior
 from rsoconsole.orbits.determination.regimes import REGIMES
 from rsoconsole.pipeline import OnlineOrbit
 from rsoconsole.records import FloatArray, Measurement, Site, TrackState
-from rsoconsole.sky import Places, iso_to_utc_ns
+from rsoconsole.sky import SkyPlaces, iso_to_utc_ns
 from tests.truth.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
 
 RESULTS = Path(__file__).parent / "results" / "orbit.json"
@@ -148,26 +154,33 @@ def cells_of(world: World, i_deg: float, arc_min: int, runs: int, seed: int) -> 
 
 
 def _run(
-    places: Places, states: FloatArray, sigma: float, world: World, random: np.random.Generator
+    places: SkyPlaces,
+    states: FloatArray,
+    sigma: float,
+    world: World,
+    random: np.random.Generator,
 ) -> _Run:
     arc, later = _part(places, slice(0, -2)), _part(places, slice(-2, None))
     seen = seen_with_noise(random, DAYTONA, arc, sigma)
     with patch.dict(REGIMES, geo=replace(REGIMES["geo"], prior=world.prior)):
-        orbit = determine(seen, prior="geo")
+        orbit = determine_orbit(seen, prior="geo")
     assert orbit is not None
     truth = states[int(np.flatnonzero(places.t_utc_ns == orbit.epoch_utc_ns)[0])]
     ahead = predict(orbit, DAYTONA, later.t_utc_ns)
     return _Run(
         label=orbit.label,
-        a_km=elements_of(orbit.r_km, orbit.v_km_s).a_km - elements_of(truth[:3], truth[3:]).a_km,
+        a_km=osculating_elements(orbit.r_km, orbit.v_km_s).a_km
+        - osculating_elements(truth[:3], truth[3:]).a_km,
         sigma_a_km=orbit.sigma_a_km,
         off_arcsec=off_arcsec(ahead.places, later),
         cov_arcsec2=ahead.cov_sky_arcsec2,
     )
 
 
-def _part(places: Places, chosen: slice) -> Places:
-    return Places(**{name: getattr(places, name)[chosen] for name in Places.__dataclass_fields__})
+def _part(places: SkyPlaces, chosen: slice) -> SkyPlaces:
+    return SkyPlaces(
+        **{name: getattr(places, name)[chosen] for name in SkyPlaces.__dataclass_fields__}
+    )
 
 
 def _cell(world: World, arc_min: int, sigma: float, i_deg: float, found: list[_Run]) -> Cell:
@@ -213,7 +226,7 @@ def two_nights(runs: int, seed: int) -> list[dict[str, float | int | dict[str, i
         off, inside, labels = [], [], []
         for places in flight.places(since_s):
             later = _part(places, slice(-1, None))
-            orbit = determine(
+            orbit = determine_orbit(
                 seen_with_noise(random, flight.site, _part(places, slice(0, -1)), sigma)
             )
             assert orbit is not None
@@ -248,18 +261,18 @@ def refining(seed: int) -> list[dict[str, float | int]]:
         flight = geostationary(random, 1, t0_utc_ns=T0_UTC_NS, i_deg=0.05, e=np.array([3e-4]))
         places = flight.places(since_s)[0]
         seen = seen_with_noise(random, flight.site, places, 1.0)
-        before = determine(seen.of(np.arange(490)))
+        before = determine_orbit(seen.subset(np.arange(490)))
         assert before is not None
         state = (before.r_km, before.v_km_s)
         taken, cold = [], []
         for _ in range(9):
             begun = time.perf_counter()
-            after = determine(seen, start=state)
+            after = determine_orbit(seen, start=state)
             taken.append((time.perf_counter() - begun) * 1e3)
             assert isinstance(after, Orbit)
         for _ in range(3):
             begun = time.perf_counter()
-            determine(seen)
+            determine_orbit(seen)
             cold.append((time.perf_counter() - begun) * 1e3)
         rows.append(
             {

@@ -100,7 +100,11 @@ def _night(
 
 def _world(drawn: World | None, fading: int) -> World:
     """This world with clouds and the member that fades."""
-    table = {} if drawn is None else {section: dict(of) for section, of in drawn.named().items()}
+    table = (
+        {}
+        if drawn is None
+        else {section: dict(of) for section, of in drawn.non_default_settings().items()}
+    )
     table.setdefault("satellite", {}).update({"fade_mag_h": _FADE_MAG_H, "fade_norad": fading})
     table.setdefault("clouds", {}).update(_CLOUDS)
     return world_from(table)

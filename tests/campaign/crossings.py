@@ -21,7 +21,7 @@ from models.frames import noise_electrons, sky_field
 from models.intervals import share_interval
 from rsoconsole.records import Detection, Frame
 from rsoconsole.simulator import FWHM_PER_SIGMA, FieldContent, frame_rng, render, straight_streak
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.campaign.streaks import TAU, Trail, detector, off
 
@@ -95,7 +95,7 @@ def row_of(number: int) -> dict[str, Any]:
 def lies_off(found: Detection, trail: Trail) -> tuple[float, float]:
     """Across at the midpoint that was found, px, and turned, deg: both without a sign."""
     angle_deg = math.degrees(math.atan2(trail[3] - trail[1], trail[2] - trail[0])) % 180.0
-    return abs(off(found, trail)[1]), turn_deg(found.angle_deg, angle_deg)
+    return abs(off(found, trail)[1]), line_angle_deg(found.angle_deg, angle_deg)
 
 
 def line_of(band: tuple[float, float], rows: Sequence[dict[str, Any]]) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from rsoconsole.base import ControlError, SessionError
-from rsoconsole.control import ControlClient, Outcome, Sender, command_of
+from rsoconsole.control import ControlClient, Outcome, Sender, make_command
 from rsoconsole.records import OperatorAction
 from rsoconsole.session import SessionReader
 from rsoconsole.simulator import start_observatory
@@ -134,7 +134,7 @@ class FaultNight:
     def ask(self, verb: str, **arguments: Any) -> Outcome:
         """A command by the socket; raises ControlError where no answer comes in time."""
         client = ControlClient(self.engine.socket, sender=Sender(name="test"))
-        return client.send(command_of(verb, arguments), timeout_s=VERB_S)
+        return client.send(make_command(verb, arguments), timeout_s=VERB_S)
 
     def note(self) -> None:
         """A remark and a setting for the record; kept where they are acknowledged."""

@@ -22,7 +22,7 @@ import cv2
 from models.intervals import rate_interval, share_interval
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import BelowTau, Detection
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.campaign.satsim_altered import FAMILIES, FRAMES, Ends, drawn, looks, snr_of
@@ -47,7 +47,7 @@ def _is_on(found: Detection, ends: Ends) -> bool:
     angle = math.degrees(math.atan2(ends[3] - ends[1], ends[2] - ends[0])) % 180.0
     leeway = 4.0 + math.degrees(3.0 / max(length, 1.0))
     near = math.hypot(found.x_px - x, found.y_px - y) < max(0.25 * length, 8.0)
-    return near and turn_deg(found.angle_deg, angle) < leeway
+    return near and line_angle_deg(found.angle_deg, angle) < leeway
 
 
 def _is_crossing(found: Detection, name: str) -> bool:
@@ -66,7 +66,7 @@ def row_of(name: str, number: int) -> dict[str, Any]:
         if not any(_is_on(d, each) for each in streaks) and not _is_crossing(d, name)
     ]
     refused = [r for r in found.rejected if _is_on(r.detection, streaks[0])]
-    placed = [analysis.working.original(each.found) for each in analysis.candidates]
+    placed = [analysis.working.original_detection(each.found) for each in analysis.candidates]
     lost = ""
     if not best:
         reasons = [r.reason for r in refused]

@@ -15,10 +15,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from rsoconsole.cli.demo._demo_targets import plan_targets, planned_config
+from rsoconsole.cli.demo._demo_targets import config_for_plan, plan_targets
 from rsoconsole.cli.demo.demo import demo_config
-from rsoconsole.cli.demo.demo_night import Night, run_night
-from rsoconsole.cli.words.options import site_of
+from rsoconsole.cli.demo.demo_night import SimulatedNight, run_night
+from rsoconsole.cli.words.options import parse_site
 
 _BESIDE_DEG = 0.01
 _S_PER_DAY = 86_400.0
@@ -60,11 +60,11 @@ def main() -> int:
     parser.add_argument("--session", type=Path, required=True)
     asked = parser.parse_args()
     config = demo_config(
-        site_of(asked.site), preset="adaptive", keep_frames="none", catalogue=[asked.tle]
+        parse_site(asked.site), preset="adaptive", keep_frames="none", catalogue=[asked.tle]
     )
     plan = plan_targets([str(asked.target)], config, at=asked.at, seed=1, frames=asked.frames)
-    config = planned_config(config, plan)
-    night = Night(
+    config = config_for_plan(config, plan)
+    night = SimulatedNight(
         scenario=plan.title,
         seed=1,
         speed=0.0,

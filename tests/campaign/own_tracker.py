@@ -50,7 +50,7 @@ def followed(night: Night) -> list[list[At]]:
             if not each.track.is_lead and each.is_on_trial:
                 continue
             ra, dec = lqe.direction_icrs_deg(each.track)
-            east, north = night.place_of(ra, dec, sight.t_utc_ns).tolist()
+            east, north = night.project_arcsec(ra, dec, sight.t_utc_ns).tolist()
             # A streak that it shares says nothing of whose it is.
             is_own = each.track.shared_with is None
             taken = each.taken if is_own and each.taken and each.taken.frame_id == number else None

@@ -15,7 +15,7 @@ import numpy as np
 
 from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.records import FloatArray, Measurement, Site
-from rsoconsole.sky import IntArray, Places, wrap_180
+from rsoconsole.sky import IntArray, SkyPlaces, wrap_180
 from rsoconsole.words import NS_PER_S
 from tests.truth.seen_satellites import SHARED
 
@@ -108,7 +108,7 @@ class Night:
     """Satellite of each true streak, by its measurement's id."""
     origin_deg: tuple[float, float]
 
-    def place_of(self, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int) -> FloatArray:
+    def project_arcsec(self, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int) -> FloatArray:
         """A direction as arcsec east and north."""
         return _place(self.origin_deg, self.frames[0].t_utc_ns, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
 
@@ -174,7 +174,7 @@ def _satellites() -> dict[int, Satellite]:
     return {e.norad_id: Satellite(e) for e in parse_elements(text) if e.norad_id in wanted}
 
 
-def _places(norad_ids: tuple[int, ...], t_utc_ns: IntArray) -> list[Places]:
+def _places(norad_ids: tuple[int, ...], t_utc_ns: IntArray) -> list[SkyPlaces]:
     return [_satellites()[norad].astrometric_place(SITE, t_utc_ns) for norad in norad_ids]
 
 
@@ -188,7 +188,7 @@ def _place(origin_deg, t0_utc_ns, ra_deg, dec_deg, t_utc_ns) -> FloatArray:  # t
     return 3600.0 * np.stack([east, dec_deg - origin_deg[1]], axis=-1)
 
 
-def _at(places: Places, k: int) -> tuple[FloatArray, FloatArray]:
+def _at(places: SkyPlaces, k: int) -> tuple[FloatArray, FloatArray]:
     """Direction, deg, and rate, arcsec/s east and north."""
     dec = float(places.dec_icrs_deg[k])
     rate = [places.ra_rate_deg_s[k] * math.cos(math.radians(dec)), places.dec_rate_deg_s[k]]

@@ -24,7 +24,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.pipeline.cycle.frame_fold import follow_settings
 from rsoconsole.records import FloatArray, FrameTaken, Measurement, TrackState
-from rsoconsole.tracking import Following, FollowSettings, FrameInput, Plane, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, TangentPlane, follow
 from tests.campaign.arguments import seeds_of
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 from tests.makers import NS, T0_UTC_NS
@@ -35,7 +35,7 @@ SCALE_ARCSEC_PX, CADENCE_S, EXPOSURE_S = 4.5, 10.0, 0.75
 """In so short an exposure none of them draws a streak of 20 arcsec."""
 SIGMA_PX = 0.55
 """0.5 px of noise, and annotations good to 0.2 px."""
-_PLANE = Plane.at(150.0, 10.0)
+_PLANE = TangentPlane.at(150.0, 10.0)
 _FOCUS_MM = 206.264806 * 3.8
 _DRAWS = 2000
 

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 from models.intervals import rate_interval, share_interval
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import BelowTau, Detection, Rejection
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector
 from tests.campaign.families import FAMILIES, draw
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
@@ -86,7 +86,7 @@ def _is_along(found: Detection, trail: Trail) -> bool:
     length_px = math.hypot(trail[2] - trail[0], trail[3] - trail[1])
     angle_deg = math.degrees(math.atan2(trail[3] - trail[1], trail[2] - trail[0]))
     leeway_deg = _TURN_DEG + math.degrees(3.0 / max(length_px, 1.0))
-    is_alike = turn_deg(found.angle_deg, angle_deg % 180.0) < leeway_deg
+    is_alike = line_angle_deg(found.angle_deg, angle_deg % 180.0) < leeway_deg
     return is_alike and abs(off(found, trail)[1]) < _ACROSS_PX
 
 

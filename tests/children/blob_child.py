@@ -19,7 +19,7 @@ class Silent(ReplyWriter):
     def __init__(self) -> None:
         """Leave stdout as it is: the answer goes there."""
 
-    def say(self, message: Mapping[str, Any]) -> None:
+    def send(self, message: Mapping[str, Any]) -> None:
         """Nobody listens."""
 
 
@@ -45,7 +45,7 @@ def main(host: str, port: int, device: str, library: str) -> None:
         "quiet_s": 20.0,
     }
     client.open(order, ("CCD_EXPOSURE", "CCD1"), Silent())
-    client.take_blobs("CCD1")
+    client.enable_blobs("CCD1")
     before = client.send_numbers("CCD_EXPOSURE", {"CCD_EXPOSURE_VALUE": 0.1})
     seen["has_come"] = has_come.wait(60.0)
     # Told only once the call is over.

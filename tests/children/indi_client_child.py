@@ -17,7 +17,7 @@ class Silent(ReplyWriter):
     def __init__(self) -> None:
         """Leave stdout as it is: the answer goes there."""
 
-    def say(self, message: Mapping[str, Any]) -> None:
+    def send(self, message: Mapping[str, Any]) -> None:
         """Nobody listens."""
 
 
@@ -51,7 +51,7 @@ def main(library: str, host: str, port: int, device: str) -> None:
         elif verb == "switch":
             client.send_switch(name, values[0])
         elif verb == "blobs":
-            client.take_blobs(name)
+            client.enable_blobs(name)
         elif verb == "forgotten":
             say(forgotten=client.get(name) is None)
 

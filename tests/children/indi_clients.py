@@ -7,7 +7,7 @@ from rsoconsole.instruments.indi.client_choice import LIBRARIES
 CLIENTS = [
     pytest.param(
         each.name,
-        marks=pytest.mark.skipif(not each.is_there, reason=f"{each.package} is not installed"),
+        marks=pytest.mark.skipif(not each.is_installed, reason=f"{each.package} is not installed"),
     )
     for each in LIBRARIES
 ]

@@ -9,9 +9,15 @@ from typer.testing import CliRunner
 
 from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
-from rsoconsole.cli.demo.bench import draw_fits
+from rsoconsole.cli.demo.bench import draw_bench_frame
 from rsoconsole.config import Config
-from rsoconsole.engine import STAGES, machine_identity, measure, summarise_bench, summary_lines
+from rsoconsole.engine import (
+    STAGES,
+    machine_identity,
+    run_benchmark,
+    summarise_bench,
+    summary_lines,
+)
 from rsoconsole.engine.doctor import bench
 from rsoconsole.engine.doctor.bench import BenchResult, BenchStage, BenchSummary
 from rsoconsole.instruments import frame_from_bytes
@@ -34,17 +40,17 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[BenchResult, lis
     """One round, and what was told of it."""
     root = tmp_path_factory.mktemp("bench")
     config, told = settings(root / "nights" / "here"), list[str]()
-    result = measure(config, draw_fits(config), report=told.append, budget_s=0.0)
+    result = run_benchmark(config, draw_bench_frame(config), report=told.append, budget_s=0.0)
     return result, told, root
 
 
 def test_the_drawn_frame_is_the_configured_cameras(tmp_path: Path) -> None:
     config = settings(tmp_path, exposure={"exposure_s": 4.0})
-    frame = frame_from_bytes(draw_fits(config), 1, "drawn")
+    frame = frame_from_bytes(draw_bench_frame(config), 1, "drawn")
     assert (frame.width_px, frame.height_px, frame.exposure_s) == (WIDE, HIGH, 4.0)
     assert frame.scale_arcsec_px == pytest.approx(config.optics.scale_arcsec_px)
     assert frame.pointing_ra_icrs_deg is not None
-    assert draw_fits(config) == draw_fits(config)
+    assert draw_bench_frame(config) == draw_bench_frame(config)
 
 
 def test_every_stage_is_measured_once_at_least_however_slow_the_machine(measured) -> None:
@@ -83,7 +89,7 @@ def test_rounds_go_on_while_there_is_time_and_the_first_does_not_count(
             return {"total": next(given)}
 
     monkeypatch.setattr(bench, "_Bench", Instant)
-    result = measure(settings(tmp_path), b"", budget_s=1e9, most_rounds=4)
+    result = run_benchmark(settings(tmp_path), b"", budget_s=1e9, most_rounds=4)
     expected = BenchStage(stage="total", median_ms=2.0, least_ms=1.0, largest_ms=3.0, repeats=3)
     assert result.stages == (expected,)
     assert result.notes == ("once",)
@@ -92,7 +98,7 @@ def test_rounds_go_on_while_there_is_time_and_the_first_does_not_count(
 def test_a_field_without_stars_of_the_index_is_told_and_the_bench_goes_on(tmp_path: Path) -> None:
     optics = {"width_px": 400, "height_px": 300, "focal_length_mm": 6000.0}
     config = Config.model_validate({"optics": optics, "session": {"root": str(tmp_path)}})
-    result = measure(config, draw_fits(config), budget_s=0.0)
+    result = run_benchmark(config, draw_bench_frame(config), budget_s=0.0)
     assert any(note.startswith("not solved: ") for note in result.notes)
     assert result.median_ms("solve") is None
     assert summarise_bench(config, result, PLENTY, NOW).processing_s > 0.0
@@ -104,7 +110,7 @@ def test_a_disk_that_is_nearly_full_is_left_alone(
     monkeypatch.setattr(bench, "free_bytes", lambda _: bench.SPARE_BYTES - 1)
     optics = {"width_px": 400, "height_px": 300, "focal_length_mm": 6000.0}
     config = Config.model_validate({"optics": optics, "session": {"root": str(tmp_path)}})
-    result = measure(config, draw_fits(config), budget_s=0.0)
+    result = run_benchmark(config, draw_bench_frame(config), budget_s=0.0)
     assert result.median_ms("disk") is None
     assert "the disk is nearly full: writing was not measured" in result.notes
 
@@ -113,7 +119,7 @@ def test_a_root_that_nothing_can_be_written_in_is_refused_with_its_remedy(tmp_pa
     (tmp_path / "file").write_text("no folder", encoding="ascii")
     config = settings(tmp_path / "file")
     with pytest.raises(SessionError, match=r"set session\.root"):
-        measure(config, b"", budget_s=0.0)
+        run_benchmark(config, b"", budget_s=0.0)
 
 
 def told(**ms: float) -> BenchResult:
@@ -146,7 +152,7 @@ def test_a_cycle_is_the_sum_of_its_parts() -> None:
     assert found.slew_s == pytest.approx(slew_s)
     assert found.shortest_cadence_s == pytest.approx(0.3 + 10.0 + 1.0 + 0.8 + slew_s)
     assert found.longest_exposure_s == pytest.approx(30.0 - (found.shortest_cadence_s - 10.0))
-    assert found.is_enough
+    assert found.is_fast_enough
     assert found.disk_mb_s == pytest.approx(20.0)
     assert found.frame_mb == pytest.approx(10.0)
     assert "held" in summary_lines(found)[0]
@@ -170,10 +176,10 @@ def test_following_may_be_the_slower_way() -> None:
 
 def test_a_disk_too_slow_for_the_cadence_is_told() -> None:
     found = verdict(told(disk=30_000.0))
-    assert (found.is_held, found.is_recorded, found.is_enough) == (True, False, False)
+    assert (found.is_held, found.is_recorded, found.is_fast_enough) == (True, False, False)
     assert "NOT kept up" in summary_lines(found)[-1]
     none_kept = verdict(told(disk=30_000.0), session={"keep_frames": "none"})
-    assert none_kept.is_enough
+    assert none_kept.is_fast_enough
 
 
 def test_a_night_is_counted_with_the_frames_real_size() -> None:
@@ -221,8 +227,8 @@ def configured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A configuration file, and a bench that answers at once."""
     path = tmp_path / "config.toml"
     path.write_text(f"[session]\nroot = '{tmp_path}'\n", encoding="utf-8")
-    monkeypatch.setattr("rsoconsole.cli.demo.bench.draw_fits", lambda _: b"")
-    monkeypatch.setattr(bench, "measure", lambda *_, **__: told())
+    monkeypatch.setattr("rsoconsole.cli.demo.bench.draw_bench_frame", lambda _: b"")
+    monkeypatch.setattr(bench, "run_benchmark", lambda *_, **__: told())
     monkeypatch.setattr("rsoconsole.engine.machine.machine_name.load_share", lambda: 0.0)
     return path
 
@@ -240,7 +246,7 @@ def test_the_table_names_machine_stages_and_verdict(configured: Path) -> None:
 def test_json_is_machine_stages_and_verdict_and_a_no_is_exit_1(
     configured: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bench, "measure", lambda *_, **__: told(total=99_000.0))
+    monkeypatch.setattr(bench, "run_benchmark", lambda *_, **__: told(total=99_000.0))
     monkeypatch.setattr("rsoconsole.engine.machine.machine_name.load_share", lambda: 0.9)
     run = CliRunner().invoke(app, ["doctor", "--bench", "--json", "--config", str(configured)])
     assert run.exit_code == 1

@@ -13,13 +13,13 @@ from rsoconsole.base import ConfigError, RsoconsoleError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, config_to_toml, load_config
 from rsoconsole.orbits import ASSUMED, ElementSet
-from rsoconsole.pipeline import errors_of
+from rsoconsole.pipeline import catalogue_errors
 from rsoconsole.session import (
     SessionReader,
     SessionWriter,
     element_ledger_path,
-    keep_rows,
     read_element_ledger,
+    replace_session_rows,
 )
 from tests.cli.test_cli_orbit import write_track
 from tests.orbits.test_element_fit import row
@@ -144,7 +144,7 @@ def test_written_factors_keep_all_else_of_the_file_and_name_from_then_on(
         found["regimes"][0]["factors"]["along_by_age"], abs=1e-3
     )
     assert factors.along_by_age > 1.2
-    errors = errors_of(load_config(own).catalogue)
+    errors = catalogue_errors(load_config(own).catalogue)
     assert errors.undisturbed["GEO"].along[1] == pytest.approx(1.5 * factors.along_by_age)
     shown = report()["regimes"][0]["in_use"]
     assert shown["along_by_age"] == factors.along_by_age
@@ -177,12 +177,12 @@ def test_factors_are_recorded_with_a_session_and_checked(tmp_path: Path, own: Pa
     SessionWriter.create(tmp_path / "night", config, {"title": "night"}).close()
     recorded = SessionReader(tmp_path / "night").config().catalogue
     assert recorded == config.catalogue
-    assert errors_of(recorded).undisturbed["LEO"].along == pytest.approx((0.8, 2.1, 0.42))
+    assert catalogue_errors(recorded).undisturbed["LEO"].along == pytest.approx((0.8, 2.1, 0.42))
     own.write_text(BY_HAND + block + block)
     with pytest.raises(ConfigError, match="error_factors has LEO twice"):
         load_config(own)
     # A session of before has none: it is named as it was.
-    assert errors_of(Config().catalogue) is ASSUMED
+    assert catalogue_errors(Config().catalogue) is ASSUMED
 
 
 def test_identify_says_that_errors_are_assumed_where_none_were_measured(
@@ -348,10 +348,10 @@ def test_a_later_versions_ledger_is_left_alone(tmp_path: Path) -> None:
 def test_rows_come_back_as_they_were_and_nonsense_is_damage(tmp_path: Path) -> None:
     path = tmp_path / "elements.jsonl"
     rows = [row(7, 1.5, night=1), row(8, -2.5, night=2)]
-    kept, _ = keep_rows([], rows, path)
+    kept, _ = replace_session_rows([], rows, path)
     assert list(kept.rows) == rows
     size = path.stat().st_size
-    keep_rows([], rows, path)
+    replace_session_rows([], rows, path)
     assert path.stat().st_size == size  # what is there already is not written again
     text = path.read_text()
     for good, bad in (("1.5", "NaN"), ('"LEO"', '"XEO"'), ("0.05", "-1.0"), ("0.05", '"a"')):

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from rsoconsole.base import ControlError
 from rsoconsole.cli.app import app
 from rsoconsole.cli.demo.demo import demo_config
-from rsoconsole.cli.demo.demo_night import Night, control_socket, run_night
+from rsoconsole.cli.demo.demo_night import SimulatedNight, demo_socket, run_night
 from rsoconsole.config import Config, SessionConfig
 from rsoconsole.control import ControlServer, EngineLock, Outcome, Request, default_socket_path
 from rsoconsole.control.stop import LATE_S
@@ -384,14 +384,14 @@ def test_a_slow_machine_has_time_enough_in_the_demo():
 
 
 def test_the_demo_listens_where_status_and_stop_look_for_it(tmp_path):
-    assert control_socket(tmp_path) is None
+    assert demo_socket(tmp_path) is None
 
 
 def test_the_demo_leaves_a_running_or_hanging_engine_its_place(tmp_path):
     with engine_that(lambda _: Outcome(ok=True)):
-        assert control_socket(tmp_path) == tmp_path / "engine.sock"
+        assert demo_socket(tmp_path) == tmp_path / "engine.sock"
     with EngineLock(default_socket_path()):
-        assert control_socket(tmp_path) == tmp_path / "engine.sock"
+        assert demo_socket(tmp_path) == tmp_path / "engine.sock"
 
 
 @pytest.mark.parametrize("option", ["--preset", "--keep-frames"])
@@ -414,10 +414,10 @@ def test_a_demo_gives_way_to_an_engine_that_takes_the_usual_place_meanwhile(
     def observatory(*_: Any, **__: Any) -> Iterator[Any]:
         yield types.SimpleNamespace(host="", port=1, mount_name="", camera_name="")
 
-    monkeypatch.setattr("rsoconsole.cli.demo.demo_night.control_socket", lambda _: None)
+    monkeypatch.setattr("rsoconsole.cli.demo.demo_night.demo_socket", lambda _: None)
     monkeypatch.setattr("rsoconsole.engine.service.service.run_engine", run_engine)
     monkeypatch.setattr("rsoconsole.simulator.launch.start_observatory", observatory)
     SessionWriter.create(tmp_path / "night", Config(), {}).close()
-    night = Night(scenario="empty", seed=1, speed=0.0, frames=1, session=None)
+    night = SimulatedNight(scenario="empty", seed=1, speed=0.0, frames=1, session=None)
     assert run_night(Config(), night)["frames"] == 0
     assert [None if place is None else place.name for place in places] == [None, "engine.sock"]

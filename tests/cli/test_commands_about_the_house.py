@@ -224,9 +224,9 @@ def sessions_verify(house: House, command: str) -> None:
 def sessions_repair(house: House, command: str) -> None:
     folder = make(house.here / "monday")
     cut_off(folder)
-    assert not SessionReader(folder).about()["is_closed"]
+    assert not SessionReader(folder).read_meta()["is_closed"]
     house.run(command, {"NIGHT": "monday"})
-    assert SessionReader(folder).about()["is_closed"]
+    assert SessionReader(folder).read_meta()["is_closed"]
     assert verify_session(folder).is_sound
 
 

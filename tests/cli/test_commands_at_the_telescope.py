@@ -155,8 +155,8 @@ def tune(house: House) -> None:
     house.run("rsoconsole set detector.tau 0.2")
     house.run("rsoconsole set NAME VALUE", {"NAME": "filter.r_multiplier", "VALUE": "1.5"})
     reader = SessionReader(Path(status_of(house)["session"]))
-    until(house, lambda _: len(list(reader.view("parameters"))) >= 2, "both on record")
-    changed = {row["name"]: row["after"] for row in reader.view("parameters")}
+    until(house, lambda _: len(list(reader.view_rows("parameters"))) >= 2, "both on record")
+    changed = {row["name"]: row["after"] for row in reader.view_rows("parameters")}
     assert changed["detector.tau"] == 0.2
     assert changed["filter.r_multiplier"] == 1.5
 
@@ -307,7 +307,7 @@ def demo(house: House, command: str) -> None:
         session = leave(house, seat)
     is_imperfect = (session / "world.toml").exists()
     assert is_imperfect is ("--world" in command)
-    assert SessionReader(session).about()["title"].startswith("intelsat-14 seed")
+    assert SessionReader(session).read_meta()["title"].startswith("intelsat-14 seed")
 
 
 @RECIPES.of("rsoconsole demo --target 26407 --tle gps.tle --site 52.2,21.0,110")

@@ -117,7 +117,7 @@ def process_nights(house: House, command: str) -> None:
     assert [each.name for each in sessions] == ["monday", "tuesday"]
     for each in sessions:
         assert SessionReader(each).counts().frames == 4
-        assert [row for row in SessionReader(each).view("track") if row["step"] == "updated"]
+        assert [row for row in SessionReader(each).view_rows("track") if row["step"] == "updated"]
 
 
 @RECIPES.of("rsoconsole detect frame.fits --tau 0.2 --json")
@@ -329,7 +329,7 @@ def ledger_show(house: House, command: str) -> None:
 def ledger_rename(house: House, command: str) -> None:
     path = with_ledger(house)
     house.run(command)
-    assert read_ledger(path).named(7).called == "drifter near 60W"
+    assert read_ledger(path).object_by_number(7).called == "drifter near 60W"
 
 
 @RECIPES.of("rsoconsole ledger join 9 7")
@@ -394,7 +394,7 @@ def export_table(house: House, command: str) -> None:
     done = house.run(command, {"SESSION": "sessions/intelsat-14", "F": "csv"})
     (table,) = (session / "branches" / "exports").glob("*.csv")
     assert table.name in done.stdout
-    measured = {row["frame_id"] for row in SessionReader(SAMPLE).view("measurements")}
+    measured = {row["frame_id"] for row in SessionReader(SAMPLE).view_rows("measurements")}
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     assert 20 < len(rows) <= len(measured)
     assert {int(row["frame_id"]) for row in rows} <= measured

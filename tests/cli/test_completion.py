@@ -197,10 +197,10 @@ def context(**params: object) -> SimpleNamespace:
 
 
 def test_values_of_settings_that_are_a_few_words() -> None:
-    assert completion.choices_of("filter.preset") == ("adaptive", "tuned", "paper")
-    assert completion.choices_of("leap.enabled") == ("true", "false")
+    assert completion.setting_choices("filter.preset") == ("adaptive", "tuned", "paper")
+    assert completion.setting_choices("leap.enabled") == ("true", "false")
     for name in ("site.latitude_deg", "nosuch.setting", "site.nosuch", "", "site"):
-        assert completion.choices_of(name) == ()
+        assert completion.setting_choices(name) == ()
     assert completion.setting_values(context(name="detector.map_mode"), "p") == ["paper"]
     assert completion.setting_values(context(), "") == []
 

@@ -90,7 +90,7 @@ def test_a_path_that_is_none_is_no_file(night: Path, path: Any):
 @pytest.mark.parametrize("name", ["\x00", "a" * 5000, "b/" * 3000])
 def test_a_parent_that_no_folder_can_be_called_is_none(night: Path, name: str):
     change(night, "INSERT OR REPLACE INTO meta VALUES ('branch_of', ?)", json.dumps(name))
-    assert SessionReader(night).branch_of is None
+    assert SessionReader(night).original_folder is None
     run(night, "regions")
 
 

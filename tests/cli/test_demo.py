@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.cli.demo.demo import config_in, demo_config
+from rsoconsole.cli.demo.demo import config_for_world, demo_config
 from rsoconsole.pipeline import replay
 from rsoconsole.records import TrackState
 from rsoconsole.session import SessionReader, verify_session
@@ -83,12 +83,12 @@ def test_the_night_ends_with_an_orbit_and_a_name_in_the_session(a_night):
     assert name["separation_arcsec"] < 5.0
     assert name["runner_up"]
     reader = SessionReader(a_night["session"])
-    found = reader.view("orbits")
+    found = reader.view_rows("orbits")
     assert found[-1]["a_km"] == pytest.approx(orbit["a_km"])
-    updates = [row for row in reader.view("track") if row["step"] == "updated"]
+    updates = [row for row in reader.view_rows("track") if row["step"] == "updated"]
     assert len(found) == len(updates), "one for each direction from the third on"
-    assert reader.view("identifications")[-1]["norad_id"] == 36_097
-    refined = [row["ms"] for row in reader.view("timings") if row["stage"] == "orbit"]
+    assert reader.view_rows("identifications")[-1]["norad_id"] == 36_097
+    refined = [row["ms"] for row in reader.view_rows("timings") if row["stage"] == "orbit"]
     assert len(refined) == a_night["frames"]
 
 
@@ -109,11 +109,11 @@ def test_the_same_seed_gives_the_same_night_at_another_speed_and_in_a_world_with
 def test_either_indi_client_gives_the_same_night(first_night, tmp_path, monkeypatch):
     """Frames, measurements, orbit and name to the last digit; only what a stage took differs."""
     by_pyindi = SessionReader(first_night["session"])
-    if "pyindi-client" not in by_pyindi.about()["versions"]:
+    if "pyindi-client" not in by_pyindi.read_meta()["versions"]:
         pytest.skip("pyindi-client is not installed")
     monkeypatch.setenv("RSOCONSOLE_INDI__CLIENT", "indipyclient")
     other = night(tmp_path / "other", "--seed", "1")
-    assert {"indipyclient"} == SessionReader(other["session"]).about()["versions"].keys() & {
+    assert {"indipyclient"} == SessionReader(other["session"]).read_meta()["versions"].keys() & {
         "indipyclient",
         "pyindi-client",
     }
@@ -150,7 +150,7 @@ def test_a_named_world_is_that_of_the_night_and_on_record(tmp_path):
     assert summary["target"] == "INTELSAT 14"
     assert summary["measured_rms_arcsec"] == pytest.approx(1.01 * 15.0, abs=1.0)
     folder = tmp_path / "named"
-    assert load_world(folder / "world.toml").named() == summary["world"]
+    assert load_world(folder / "world.toml").non_default_settings() == summary["world"]
     config = SessionReader(folder).config()
     assert config.exposure.header_latency_s == 0.3
     assert (config.optics.width_px, config.optics.pixel_um) == (2328, 7.6)
@@ -161,7 +161,7 @@ def test_a_named_world_is_that_of_the_night_and_on_record(tmp_path):
 def test_the_world_of_a_night_is_on_record_and_the_operator_knows_the_camera(small_night):
     folder = Path(small_night["session"])
     assert small_night["world"] == {"sensor": {"binning": 2}}
-    assert load_world(folder / "world.toml").named() == small_night["world"]
+    assert load_world(folder / "world.toml").non_default_settings() == small_night["world"]
     optics = SessionReader(folder).config().optics
     assert (optics.width_px, optics.pixel_um) == (2328, 7.6)
     assert verify_session(folder).state == "closed"
@@ -175,7 +175,7 @@ def test_of_a_world_the_operator_knows_what_can_be_known(tmp_path):
         encoding="utf-8",
     )
     own = demo_config(DAYTONA_BEACH, preset="adaptive", keep_frames="none")
-    config = config_in(load_world(path), own)
+    config = config_for_world(load_world(path), own)
     assert config.exposure.header_latency_s == 0.3
     assert config.exposure.line_time_us == 15
     assert config.optics == own.optics

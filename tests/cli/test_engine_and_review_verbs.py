@@ -97,14 +97,14 @@ def test_the_console_is_that_of_the_usual_engine(console: Called) -> None:
     assert console.options["socket"] is None
     assert console.options["session"] is None
     assert console.options["read_only"] is False
-    assert console.options["stop_directly"].__name__ == "stop_past_engine"
+    assert console.options["stop_directly"].__name__ == "stop_without_engine"
 
 
 def test_a_review_begins_where_that_is_asked_for(review: Called, tmp_path: Path) -> None:
     done("review", tmp_path, "--at", "12")
     assert review.arguments == (tmp_path,)
     assert review.options["start"] == "12"
-    assert review.options["stop_directly"].__name__ == "stop_past_engine"
+    assert review.options["stop_directly"].__name__ == "stop_without_engine"
     review.arguments = ()
     assert run_here("review", tmp_path, "--at", "noon").returncode == 2
     assert review.arguments == ()

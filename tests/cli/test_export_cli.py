@@ -9,8 +9,8 @@ import pytest
 
 from rsoconsole.base import ExportError, SessionError
 from rsoconsole.library import ExportOptions, Target, export
-from rsoconsole.library.formats._iod_reader import parse_iod
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats._iod_reader import parse_iod_line
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.session import SessionWriter
 from tests.cli.test_cli_frames import objects
 from tests.nights.export_nights import T0, closed_night, read_tdm, written_night
@@ -44,7 +44,7 @@ def test_a_text_goes_to_stdout_and_what_is_not_in_it_to_stderr():
     assert run.returncode == 0
     lines = run.stdout.splitlines()
     assert len(lines) == 27
-    assert {parse_iod(line).norad_id for line in lines} == {36097}
+    assert {parse_iod_line(line).norad_id for line in lines} == {36097}
     assert "simulated" in run.stderr
 
 
@@ -164,7 +164,7 @@ def test_a_night_that_goes_on_is_exported_as_far_as_it_is(tmp_path: Path):
     try:
         made = export(writer.folder, "tdm", tmp_path / "live.tdm")
         assert made.measurements == 6
-        assert not read_night(writer.folder).facts()["is_closed"]
+        assert not read_exported_night(writer.folder).table_metadata()["is_closed"]
     finally:
         writer.close()
 
@@ -174,7 +174,7 @@ def test_a_branch_is_exported_like_a_session(session: Path):
     closed_night(branch, about={"branch_of": "../..", "tried": {"filter.q_multiplier": 2.0}})
     made = export(branch, "ecsv")
     assert made.path == branch / "branches" / "exports" / "q2.ecsv"
-    facts = read_night(branch).facts()
+    facts = read_exported_night(branch).table_metadata()
     assert facts["branch_of"] == "../.."
     assert facts["tried"] == {"filter.q_multiplier": 2.0}
 

@@ -18,9 +18,9 @@ from rsoconsole.control import (
     Preview,
     Request,
     Status,
-    as_json,
     default_socket_path,
     status_json,
+    to_json_types,
 )
 from rsoconsole.records import Site
 from rsoconsole.sky import icrs_to_altaz, iso_to_utc_ns
@@ -55,7 +55,7 @@ class Engine:
                 slew_s=52.0,
                 margins_deg=(("altitude", 30.0),),
             )
-            return Outcome(ok=True, data=as_json(told))
+            return Outcome(ok=True, data=to_json_types(told))
         assert isinstance(command, Goto)
         self.moves.append(command)
         return Outcome(ok=not self.refusal, message=self.refusal or "on its way")

@@ -20,7 +20,7 @@ from rsoconsole.orbits import (
     Satellite,
     covariance_rtn,
     manoeuvred_probability,
-    nearest_in_epoch_of_each,
+    nearest_epoch_entries,
     parse_catalogue,
     parse_elements,
     states_gcrs,
@@ -315,7 +315,7 @@ def test_omm_carries_numbers_for_which_two_lines_have_no_room() -> None:
 def test_of_a_history_the_set_nearest_in_epoch_counts() -> None:
     old = geostationary(90001, -60.0, epoch_utc_ns=T0_UTC_NS - 30 * NS_PER_DAY)
     new = geostationary(90001, -60.0)
-    (chosen,) = nearest_in_epoch_of_each(catalogue(old, new, old), T0_UTC_NS + NS_PER_DAY)
+    (chosen,) = nearest_epoch_entries(catalogue(old, new, old), T0_UTC_NS + NS_PER_DAY)
     assert abs(chosen.epoch_utc_ns - T0_UTC_NS) < NS_PER_S
 
 

@@ -9,16 +9,16 @@ import pytest
 from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
-from rsoconsole.cli.telescope.order import verb_of
+from rsoconsole.cli.telescope.order import shell_verb
 from rsoconsole.cli.words.output import WITH_UNITS, emit_json
 from rsoconsole.control import (
     COMMANDS,
     SCHEMA,
     ControlServer,
-    Health,
     LastStop,
     Machine,
     Outcome,
+    PartHealth,
     Status,
     default_socket_path,
     read_status,
@@ -59,7 +59,7 @@ WHOLE = Status(
     faults=("camera is silent",),
     temporary={"detector.tau": 3},
     last_stop=LastStop(number=2, by="ann", motion="tracks", measured_ms=3100.0, is_over=True),
-    health=(Health(name="disk", ok=False, text="4 GB"),),
+    health=(PartHealth(name="disk", ok=False, text="4 GB"),),
     machine=Machine(cpu_temperature_c=51.6, troubles=("hot",)),
     seat="ann@tty1",
     seat_asked_by="bob@tty2",
@@ -101,7 +101,7 @@ def test_a_field_that_cannot_be_used_counts_as_not_said(name: str, odd: object):
 
 def test_what_would_command_a_terminal_is_taken_out_of_texts_and_a_path_kept(tmp_path: Path):
     night = tmp_path / "night\u3000one"
-    told = Status(target="A\x1b[2JB", session=night, health=(Health(name="d", text="\x07"),))
+    told = Status(target="A\x1b[2JB", session=night, health=(PartHealth(name="d", text="\x07"),))
     there = read_status(json.loads(json.dumps(status_json(told))))
     assert (there.target, there.health[0].text) == ("A [2JB", " ")
     assert there.session == night
@@ -134,7 +134,7 @@ def test_status_and_stop_print_the_keys_of_the_page(place: Path):
 
 
 def test_each_command_of_the_shell_is_on_the_page(place: Path):
-    verbs = [verb_of(command) for command in COMMANDS.values() if command.shell]
+    verbs = [shell_verb(command) for command in COMMANDS.values() if command.shell]
     assert {"schema", "verb", "ok", "message"} == set.union(*(keys_of(verb) for verb in verbs))
     with ControlServer(place, lambda _request: Outcome(ok=True, message="done")):
         expect_documented("hold", printed("hold"))
@@ -152,9 +152,9 @@ def test_keys_with_units_stand_beside_the_first_ones_at_every_depth(capsys):
 
 
 def test_what_one_record_has_of_another_is_a_key_too(capsys):
-    from rsoconsole.night import as_recorded
+    from rsoconsole.night import recorded_figures
 
-    emit_json(as_recorded([]))
+    emit_json(recorded_figures([]))
     printed = json.loads(capsys.readouterr().out)
     assert {"updates", "frames", "is_nis_sound", "log_likelihood_mean"} <= printed.keys()
 

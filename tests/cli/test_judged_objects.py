@@ -21,11 +21,11 @@ class FakeFrame:
     predicted: TrackState | None = None
     updated: TrackState | None = None
     identified: Identified | None = None
-    beside: dict[int, FrameTrack] = field(default_factory=dict)
+    other_track_states: dict[int, FrameTrack] = field(default_factory=dict)
     """What other tracks made of it."""
 
     @property
-    def found(self) -> list[Detection]:
+    def detected_streaks(self) -> list[Detection]:
         return self.detections
 
     @property
@@ -35,9 +35,9 @@ class FakeFrame:
     @property
     def tracks(self) -> list[FrameTrack]:
         if self.predicted is None and self.updated is None:
-            return [*self.beside.values()]
+            return [*self.other_track_states.values()]
         lead = FrameTrack(track_id=1, is_lead=True, predicted=self.predicted, updated=self.updated)
-        return [lead, *self.beside.values()]
+        return [lead, *self.other_track_states.values()]
 
 
 def satellite(number: int, y_px: float, snr: float = 100.0, length_px: float = 120.0) -> dict:
@@ -203,7 +203,7 @@ def test_every_track_is_judged_by_what_it_began_with():
     views = followed_for(6)
     for k, (frame, _) in enumerate(views):
         updated = state("initial" if k == 0 else "updated", 500.0 if k == 4 else 560.0)
-        frame.beside[2] = FrameTrack(
+        frame.other_track_states[2] = FrameTrack(
             track_id=2,
             is_lead=False,
             predicted=None if k == 0 else state("predicted", 560.0),
@@ -271,7 +271,7 @@ def _taken_at_an_approach(there_px: float, shares: int | None) -> list:
         frame = FakeFrame([measured(500.0), measured(560.0)], [detected(500.0), detected(560.0)])
         kind = "initial" if k == 0 else "updated"
         taken = state(kind, 500.0 if k == 3 else 560.0)
-        frame.beside[2] = FrameTrack(
+        frame.other_track_states[2] = FrameTrack(
             track_id=2,
             is_lead=False,
             predicted=None if k == 0 else state("predicted", beta_px),

@@ -10,7 +10,7 @@ import pytest
 from typer.main import get_command
 
 from rsoconsole.cli.app import app
-from rsoconsole.cli.manual_page import PAGE, text
+from rsoconsole.cli.manual_page import PAGE, manual_page_source
 from tests.cli.test_readme_commands import use
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,7 +35,7 @@ def read() -> str:
 
 def test_the_page_that_packages_bring_is_that_of_the_program() -> None:
     """``python -m rsoconsole.cli.manual_page`` writes it."""
-    assert PAGE.read_text(encoding="utf-8") == text()
+    assert PAGE.read_text(encoding="utf-8") == manual_page_source()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     shared = project["tool"]["hatch"]["build"]["targets"]["wheel"]["shared-data"]
     assert shared[str(PAGE.relative_to(ROOT))] == "share/man/man1/rsoconsole.1"

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.cli.app import app
 from rsoconsole.cli.telescope import service
-from rsoconsole.engine.machine.machine import notify
+from rsoconsole.engine.machine.machine import notify_systemd
 from rsoconsole.session import SessionReader, verify_session
 from rsoconsole.simulator import start_observatory
 
@@ -341,11 +341,11 @@ def test_a_service_manager_that_does_not_run_is_told(
 
 def test_without_a_service_manager_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert not notify("READY=1")
+    assert not notify_systemd("READY=1")
     monkeypatch.setenv("NOTIFY_SOCKET", "relative")
-    assert not notify("READY=1")
+    assert not notify_systemd("READY=1")
     monkeypatch.setenv("NOTIFY_SOCKET", "/nobody/listens")
-    assert not notify("READY=1")
+    assert not notify_systemd("READY=1")
 
 
 @pytest.mark.parametrize("kind", ["file", "name"])
@@ -359,7 +359,7 @@ def test_a_word_reaches_the_service_manager(
         manager.bind(str(tmp_path / "n") if kind == "file" else f"\0{name}")
         manager.settimeout(10.0)
         monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "n") if kind == "file" else f"@{name}")
-        assert notify("READY=1")
+        assert notify_systemd("READY=1")
         assert manager.recv(100) == b"READY=1"
 
 
@@ -382,7 +382,7 @@ def test_the_engine_says_that_it_is_ready_that_it_watches_and_that_it_ends(tmp_p
                 heard.append(manager.recv(1000))
 
         engine = subprocess.Popen(
-            [*service.exec_start(config)],
+            [*service.exec_start_command(config)],
             env={
                 **os.environ,
                 **homes,

@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.base import setup_check
-from rsoconsole.base.setup_check import APT_LINE, Machine, faults, is_compiled
+from rsoconsole.base.setup_check import (
+    APT_LINE,
+    Machine,
+    installation_faults,
+    must_compile_astrometry,
+)
 from rsoconsole.engine.doctor import doctor
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,7 +29,7 @@ PI = Machine(
 
 
 def test_a_pi_with_everything_has_no_fault() -> None:
-    assert faults(PI) == []
+    assert installation_faults(PI) == []
 
 
 @pytest.mark.parametrize(
@@ -41,20 +46,20 @@ def test_a_pi_with_everything_has_no_fault() -> None:
     ],
 )
 def test_each_thing_that_is_missing_is_said_with_its_remedy(machine: Machine, words: str) -> None:
-    (fault,) = faults(machine)
+    (fault,) = installation_faults(machine)
     assert words in fault
 
 
 def test_a_32_bit_system_is_told_of_the_64_bit_one_and_of_nothing_else() -> None:
-    (fault,) = faults(replace(PI, is_64_bit=False, has_venv=False, free_mb=1))
+    (fault,) = installation_faults(replace(PI, is_64_bit=False, has_venv=False, free_mb=1))
     assert "Raspberry Pi OS Lite (64-bit)" in fault
     assert "apt install" not in fault
 
 
 def test_only_where_no_wheel_is_published_is_anything_compiled() -> None:
-    assert not is_compiled((3, 11), "x86_64")
-    assert is_compiled((3, 11), "aarch64")
-    assert is_compiled((3, 14), "x86_64")
+    assert not must_compile_astrometry((3, 11), "x86_64")
+    assert must_compile_astrometry((3, 11), "aarch64")
+    assert must_compile_astrometry((3, 14), "x86_64")
 
 
 def compiler(folder: Path, words: str) -> str:
@@ -77,16 +82,16 @@ def test_the_headers_are_tried_with_the_compiler_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, fault: str
 ) -> None:
     monkeypatch.setenv("CC", compiler(tmp_path, words))
-    found = setup_check.header_fault()
+    found = setup_check.python_header_fault()
     assert found == "" if not fault else fault in found
 
 
 def test_a_missing_compiler_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert "no C compiler" in setup_check.header_fault()
+    assert "no C compiler" in setup_check.python_header_fault()
     monkeypatch.setenv("CC", str(tmp_path / "none"))
-    assert "does not run" in setup_check.header_fault()
+    assert "does not run" in setup_check.python_header_fault()
 
 
 @pytest.mark.skipif(not (ROOT / "README.md").exists(), reason="no checkout: no README here")
@@ -105,16 +110,16 @@ def test_the_check_runs_without_anything_installed() -> None:
         check=False,
         cwd=ROOT,
     )
-    expected = faults(setup_check.read_machine(ROOT))
+    expected = installation_faults(setup_check.probe_machine(ROOT))
     assert done.returncode == bool(expected), done.stderr
     assert done.stderr.count("cannot be installed here yet") == len(expected)
 
 
 def test_the_doctor_asks_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(setup_check, "read_machine", lambda _folder: PI)
+    monkeypatch.setattr(setup_check, "probe_machine", lambda _folder: PI)
     assert doctor.check_system().ok is True
     lacks = replace(PI, header_fault="Python.h is missing")
-    monkeypatch.setattr(setup_check, "read_machine", lambda _folder: lacks)
+    monkeypatch.setattr(setup_check, "probe_machine", lambda _folder: lacks)
     check = doctor.check_system()
     assert check.ok is None
     assert "Python.h is missing" in check.detail

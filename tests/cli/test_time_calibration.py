@@ -20,7 +20,7 @@ from rsoconsole.orbits.navigation.sp3 import utc_ns_of_gps
 from rsoconsole.pipeline import read_rinex
 from rsoconsole.records import CameraMode
 from rsoconsole.sky import iso_to_utc_ns
-from rsoconsole.words import NS_PER_S, mode_words
+from rsoconsole.words import NS_PER_S, camera_mode_words
 from tests.pages.json_page import expect_documented
 from tests.pipeline.test_navigation_files import BROADCAST_2, PRECISE, epochs_of
 from tests.truth.navigation_truth import (
@@ -309,7 +309,7 @@ class TestWriting:
         (known,) = load_config(path).exposure.calibrated
         (mode,) = told["modes"]
         assert known.bias_s == pytest.approx(mode["bias_s"]["value"], abs=1e-5)
-        assert mode_words(known.mode) == "2 s, 1x1, 4656 x 3520 px, gain 139"
+        assert camera_mode_words(known.camera_mode) == "2 s, 1x1, 4656 x 3520 px, gain 139"
         assert (known.source, known.measured_on.isoformat()) == ("sp3", told["measured_on"])
         # Two nights are better than one; one alone does not replace them.
         found(*recorded[:2], "--sp3", sp3, "--config", path, "--write")

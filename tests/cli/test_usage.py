@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from rsoconsole.base import nearest, plain_fault
+from rsoconsole.base import nearest_name, plain_fault
 from rsoconsole.cli.app import main
 from rsoconsole.cli.words.usage import unwrapped_paragraphs
 
@@ -59,7 +59,7 @@ def test_help_is_help_and_no_complaint(capsys, monkeypatch):
 def test_the_setting_that_was_meant(name, meant):
     from rsoconsole.engine import TUNABLE
 
-    assert nearest(name, sorted(TUNABLE)) == meant
+    assert nearest_name(name, sorted(TUNABLE)) == meant
 
 
 def test_a_value_out_of_bounds_is_said_in_the_settings_own_terms():
@@ -77,7 +77,7 @@ def test_help_is_broken_where_the_terminal_ends_and_keeps_its_brackets(capsys, m
     words = out.partition("╭")[0]
     assert "drift_px = 12 under [stars]" in " ".join(words.split())
     _, out, _ = said(capsys, monkeypatch, "sessions", "--help")
-    assert "Rescue sessions, which went on" in " ".join(out.split())
+    assert "Rescue sessions, which continue a session" in " ".join(out.split())
     lines = [line.strip() for line in out.partition("╭")[0].splitlines()]
     # A line that ends early is the last one of its paragraph, or has no room for the next word.
     for line, after in itertools.pairwise(lines[3:]):

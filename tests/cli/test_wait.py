@@ -22,9 +22,9 @@ from rsoconsole.control import (
     Preview,
     Request,
     Status,
-    as_json,
     default_socket_path,
     status_json,
+    to_json_types,
 )
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
@@ -70,7 +70,7 @@ class Engine:
                 way_deg=79.8,
                 slew_s=52.0,
             )
-            return Outcome(ok=True, data=as_json(told))
+            return Outcome(ok=True, data=to_json_types(told))
         self.orders.append(request)
         if isinstance(command, Goto):
             where = {"command_ra_icrs_deg": VEGA[0], "command_dec_icrs_deg": VEGA[1]}

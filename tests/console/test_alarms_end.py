@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from rsoconsole.base import InstrumentError
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ArmDialog, MessageDialog
-from rsoconsole.console.words.facts import fact_lines
+from rsoconsole.console.words.facts import figure_lines
 from rsoconsole.console.words.words import alert_text
 from rsoconsole.control import ON_RECORD, Outcome, Seek, mount_words, read_status
 from rsoconsole.engine.tasks.watch import Watch
@@ -30,7 +30,7 @@ from rsoconsole.records import (
     NotSolved,
     OperatorAction,
     ParameterChange,
-    done,
+    done_result,
 )
 from rsoconsole.session import SessionWriter
 from tests.makers import NS
@@ -178,12 +178,12 @@ def test_the_banner_of_a_stop_ends_when_the_mount_is_measured_to_stand(wire: Fak
 
 
 def test_the_banner_says_a_fault_once_and_that_it_is_over():
-    from rsoconsole.console.night.engine_view import engine_view
+    from rsoconsole.console.night.engine_view import read_engine_view
     from rsoconsole.night import NightView
 
     fault = {"state": "FAULT", "faults": [SERVER_IS_GONE] * 3, "session": "/n"}
-    assert alert_text(NightView(), engine_view(fault)).count("start indiserver") == 1
-    said = alert_text(NightView(), engine_view(fault | {"faults": []}))
+    assert alert_text(NightView(), read_engine_view(fault)).count("start indiserver") == 1
+    said = alert_text(NightView(), read_engine_view(fault | {"faults": []}))
     assert "the cause of the FAULT is over" in said
 
 
@@ -212,7 +212,7 @@ def test_the_mount_s_own_word_is_told_with_its_age():
 def test_where_the_mount_stands_is_on_the_screen_also_when_nothing_is_followed(
     width: int, rows: int
 ):
-    from rsoconsole.console.night.engine_view import engine_view
+    from rsoconsole.console.night.engine_view import read_engine_view
     from rsoconsole.night import NightView
 
     at_rest = {
@@ -225,7 +225,7 @@ def test_where_the_mount_stands_is_on_the_screen_also_when_nothing_is_followed(
         "now_utc_ns": night.t_of(3) + NS,
         "mount_motion": "stands",
     }
-    lines = fact_lines(NightView(), engine_view(at_rest), None, width, rows)
+    lines = figure_lines(NightView(), read_engine_view(at_rest), None, width, rows)
     text = "\n".join("".join(part for part, _ in line) for line in lines)
     assert "mount RA 03:06:31.3 Dec +15:04:43" in text
     assert "stands, measured" in text
@@ -262,7 +262,7 @@ def test_one_thing_is_one_line_of_the_log():
             by="console a@b",
         ),
         change,
-        OperatorAction(verb="set", arguments=arguments, outcome=done(""), by="console a@b"),
+        OperatorAction(verb="set", arguments=arguments, outcome=done_result(""), by="console a@b"),
     ):
         line = line_of(record, 0)
         assert line is not None

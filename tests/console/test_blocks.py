@@ -13,17 +13,19 @@ from rsoconsole.console.drawing.blocks import (
     OCTANTS,
     QUADRANTS,
     SEXTANTS,
-    Blocks,
+    BlockSet,
     fit_to_cells,
-    runs,
+    row_runs,
 )
-from rsoconsole.console.drawing.terminal_query import TerminalAnswer, blocks_of, parse_answer
-from rsoconsole.console.picture.graphics import choose_drawing
+from rsoconsole.console.drawing.terminal_query import TerminalAnswer, finest_blocks, parse_answer
+from rsoconsole.console.picture.graphics import choose_drawing_mode
 
 ALL = tuple(BY_NAME.values())
 
 
-def _picture_of(cells_text: list[list[tuple[str, tuple[int, int]]]], blocks: Blocks) -> np.ndarray:
+def _picture_of(
+    cells_text: list[list[tuple[str, tuple[int, int]]]], blocks: BlockSet
+) -> np.ndarray:
     """The greys that a terminal shows for what is written."""
     rows = []
     for row in cells_text:
@@ -59,11 +61,11 @@ def test_octants_fill_their_block_of_unicode_once():
 
 
 @pytest.mark.parametrize("blocks", ALL, ids=lambda b: b.name)
-def test_two_greys_in_a_cell_are_shown_as_they_are(blocks: Blocks):
+def test_two_greys_in_a_cell_are_shown_as_they_are(blocks: BlockSet):
     rng = np.random.default_rng(3)
     cells = np.where(rng.random((4 * blocks.down, 9 * blocks.across)) < 0.4, 20, 5)
     shown = fit_to_cells(cells.astype(np.uint8), blocks)
-    written = [runs(shown, blocks, {}, row) for row in range(4)]
+    written = [row_runs(shown, blocks, {}, row) for row in range(4)]
     assert np.array_equal(_picture_of(written, blocks), cells)
 
 
@@ -85,7 +87,7 @@ def test_no_other_two_groups_lie_nearer(values: list[int]):
 
 
 @pytest.mark.parametrize("blocks", ALL, ids=lambda b: b.name)
-def test_one_bright_part_in_a_dark_cell_stays_bright(blocks: Blocks):
+def test_one_bright_part_in_a_dark_cell_stays_bright(blocks: BlockSet):
     greys = np.full((blocks.down, blocks.across), 2, np.uint8)
     greys[-1, -1] = 23
     cells = fit_to_cells(greys, blocks)
@@ -100,14 +102,14 @@ def test_neighbours_share_their_colours_where_they_can():
     greys = np.full((2, 8), 3, np.uint8)
     greys[:, 2:4] = 20
     greys[0, 5] = 20
-    parts = runs(fit_to_cells(greys, QUADRANTS), QUADRANTS, {}, 0)
+    parts = row_runs(fit_to_cells(greys, QUADRANTS), QUADRANTS, {}, 0)
     assert [(len(text), set(key)) for text, key in parts] == [(1, {3}), (3, {3, 20})]
 
 
 def test_a_sign_keeps_the_light_below_it():
     greys = np.full((2, 6), 3, np.uint8)
     greys[:, 2:4] = 20
-    parts = runs(fit_to_cells(greys, QUADRANTS), QUADRANTS, {(1, 0): ("·", "predicted")}, 0)
+    parts = row_runs(fit_to_cells(greys, QUADRANTS), QUADRANTS, {(1, 0): ("·", "predicted")}, 0)
     assert ("·", ("predicted", 20)) in parts
 
 
@@ -129,10 +131,10 @@ def test_a_sign_keeps_the_light_below_it():
     ],
 )
 def test_a_terminal_gets_the_finest_that_it_surely_draws(
-    kind: str, answer: str, blocks: Blocks, graphics: str
+    kind: str, answer: str, blocks: BlockSet, graphics: str
 ):
     said = parse_answer(answer, kind)
-    assert blocks_of(said, {"TERM": kind}) is blocks
+    assert finest_blocks(said, {"TERM": kind}) is blocks
     assert said.has_kitty == (graphics == "kitty")
     assert said.has_sixel == (graphics == "sixel")
 
@@ -143,5 +145,5 @@ def test_what_is_configured_is_not_asked_about(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr("rsoconsole.console.picture.graphics.query_terminal", never)
     for name, blocks in BY_NAME.items():
-        drawn = choose_drawing(name)  # type: ignore[arg-type]
+        drawn = choose_drawing_mode(name)  # type: ignore[arg-type]
         assert (drawn.graphics, drawn.blocks) == (None, blocks)

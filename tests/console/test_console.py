@@ -23,15 +23,15 @@ from rsoconsole.console.actions.second_press import RELEASED_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
 from rsoconsole.console.drawing.pane_layout import banner_box, pane_boxes
-from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plot
-from rsoconsole.console.night.engine_view import engine_view
-from rsoconsole.console.panes.last_line import key_line, keys_for
+from rsoconsole.console.drawing.plot import PlotColumn, residual_axis_limit, residual_plot
+from rsoconsole.console.night.engine_view import read_engine_view
+from rsoconsole.console.panes.last_line import key_line, live_keys
 from rsoconsole.console.panes.log_pane import LogPane, log_rows
 from rsoconsole.console.panes.panes import FramePane, StopBanner
 from rsoconsole.console.watches import watch
 from rsoconsole.console.watches.messages import StopNewsCame
-from rsoconsole.console.words.facts import fact_lines
-from rsoconsole.console.words.words import wrapped
+from rsoconsole.console.words.facts import figure_lines
+from rsoconsole.console.words.words import wrap_to_rows
 from rsoconsole.control import (
     ControlClient,
     ControlServer,
@@ -58,7 +58,7 @@ from rsoconsole.records import (
     Site,
     SlewCommand,
     StateChange,
-    done,
+    done_result,
 )
 from rsoconsole.session import SessionReader, SessionWriter
 from tests.makers import NS, geo_measurement
@@ -185,14 +185,16 @@ def test_a_frame_that_is_not_reduced_yet_is_no_miss(wire: FakeWire, writer: Sess
 
 
 def test_wide_bounds_after_a_miss_do_not_flatten_the_residuals() -> None:
-    usual = [Column(value=0.5, bound=2.0)] * 9
-    assert residual_limit([*usual, Column(value=1.0, bound=40.0)]) < 4.0
-    assert residual_limit([*usual[:3], Column(value=-30.0, bound=40.0)]) > 30.0
-    assert residual_limit([Column(bound=12.0, mark="○")]) > 12.0
+    usual = [PlotColumn(value=0.5, bound=2.0)] * 9
+    assert residual_axis_limit([*usual, PlotColumn(value=1.0, bound=40.0)]) < 4.0
+    assert residual_axis_limit([*usual[:3], PlotColumn(value=-30.0, bound=40.0)]) > 30.0
+    assert residual_axis_limit([PlotColumn(bound=12.0, mark="○")]) > 12.0
 
 
 def test_a_residual_beyond_its_bound_stands_out() -> None:
-    lines = residual_plot([Column(value=3.0, bound=1.0), Column(value=0.0, bound=1.0)], 8, 3)
+    lines = residual_plot(
+        [PlotColumn(value=3.0, bound=1.0), PlotColumn(value=0.0, bound=1.0)], 8, 3
+    )
     inks = {ink for line in lines for text, ink in line[1:] if text.strip()}
     assert "alarm" in inks
     assert "good" in inks
@@ -278,16 +280,18 @@ def _asked(outcome: CommandResult, verb: str = "goto", **arguments: Any) -> LogL
 
 def test_the_log_says_what_came_of_a_wish_first_and_leaves_out_what_says_nothing() -> None:
     direction = {"ra_icrs_deg": 285.0, "dec_icrs_deg": -5.5}
-    plain = _asked(done("on its way"), **direction, override=[])
+    plain = _asked(done_result("on its way"), **direction, override=[])
     assert plain.text == "console: go to α 19:00:00.0 δ -05:30:00: on its way"
-    lifted = _asked(done("on its way"), **direction, override=["sun", "wall"])
+    lifted = _asked(done_result("on its way"), **direction, override=["sun", "wall"])
     assert lifted.text.endswith("δ -05:30:00, overriding sun, wall: on its way")
     assert _asked(DONE, "hold", override=[]).text == "console: hold"
     assert _asked(DONE, "hold", until="clear").text == "console: hold until it clears"
     assert _asked(DONE, "set", name="detector.tau", value=0).text == "console: detector.tau 0"
     lent = _asked(DONE, "set", name="detector.tau", value=0.05, frames=5)
     assert lent.text == "console: detector.tau 0.05 for 5 frames"
-    nudged = _asked(done("on its way"), "nudge", east_arcmin=-0.029663, north_arcmin=-0.99956)
+    nudged = _asked(
+        done_result("on its way"), "nudge", east_arcmin=-0.029663, north_arcmin=-0.99956
+    )
     assert nudged.text == "console: nudge 1′ south: on its way"
     assert _asked(DONE, "nudge", east_arcmin=0.0).text == "console: nudge, east_arcmin 0.0"
     log: list[LogLine] = []
@@ -299,14 +303,17 @@ def test_the_log_says_what_came_of_a_wish_first_and_leaves_out_what_says_nothing
 def test_nothing_that_is_written_in_the_log_reaches_the_terminal_as_a_command() -> None:
     for record in (
         OperatorAction(
-            verb="note", arguments={"text": "a\x1b]0;b\x07\x9b2J"}, outcome=done("noted"), by="x"
+            verb="note",
+            arguments={"text": "a\x1b]0;b\x07\x9b2J"},
+            outcome=done_result("noted"),
+            by="x",
         ),
         Event(level="warning", text="driver says \x1b[2J"),
     ):
         line = line_of(record, night.T0_UTC_NS)
         assert line is not None
         assert line.text.isprintable()
-    view = engine_view({"faults": ["driver says \x1b[2J"], "target": "\x9b2J"})
+    view = read_engine_view({"faults": ["driver says \x1b[2J"], "target": "\x9b2J"})
     assert all(text.isprintable() for text in (*view.faults, view.target or ""))
     outcome = read_outcome(b'{"ok": false, "message": "no: \\u001b[2J\\nwhy", "data": {}}')
     assert outcome.message == "no:  [2J\nwhy"
@@ -328,14 +335,14 @@ def test_a_long_line_of_the_log_goes_on_below_and_keeps_every_word() -> None:
 
 
 def facts(view: NightView, **status: Any) -> str:
-    lines = fact_lines(view, engine_view(status), None, 80, 3)
+    lines = figure_lines(view, read_engine_view(status), None, 80, 3)
     return "\n".join("".join(text for text, _ in line) for line in lines)
 
 
 def test_where_the_mount_looks_is_shown_when_nothing_is_followed() -> None:
     folded = Night(Path("night"), {}, Config())
     ra, dec, t_utc_ns = 150.0, -5.0, night.t_of(1)
-    folded.take(t_utc_ns, night.taken(1, ra, dec))
+    folded.fold_record(t_utc_ns, night.taken(1, ra, dec))
     shown = facts(folded.view(), now_utc_ns=t_utc_ns)
     sky = altaz_by_astropy(Config().site.to_site(), ra, dec, t_utc_ns - 12 * NS)
     assert "pointing α 10:00:00.0 δ -05:00:00" in shown
@@ -346,7 +353,7 @@ def test_where_the_mount_looks_is_shown_when_nothing_is_followed() -> None:
     order = SlewCommand(
         frame_id=1, ra_icrs_deg=ra + 15, dec_icrs_deg=dec, t_aim_utc_ns=t_utc_ns, reason="search"
     )
-    folded.take(t_utc_ns, order)
+    folded.fold_record(t_utc_ns, order)
     assert "sent to α 11:00:00.0" in facts(folded.view(), now_utc_ns=t_utc_ns)
     assert "pointing" not in facts(folded.view(), ra=150.0, dec=-5.0, now_utc_ns=t_utc_ns)
 
@@ -672,8 +679,8 @@ def test_what_came_of_a_stop_never_covers_the_first_lines_nor_the_keys() -> None
 
 def test_in_a_narrow_terminal_the_weighty_keys_stay_and_a_notice_leaves_what_it_can() -> None:
     def said(width: int, notice: str = "", **status: Any) -> str:
-        engine = engine_view({"holder": "autonomy", **status})
-        build = key_line(keys_for(engine, can_act=True), (notice, "title"))
+        engine = read_engine_view({"holder": "autonomy", **status})
+        build = key_line(live_keys(engine, can_act=True), (notice, "title"))
         (line,) = build(width, 1)
         text = "".join(text for text, _ in line)
         assert len(text) <= width
@@ -722,14 +729,14 @@ def test_what_is_too_long_loses_its_middle_and_never_the_remedy() -> None:
         "focus, cloud? Check optics.focal_length_mm"
     )
     for width in (40, 60):
-        rows = ["".join(text for text, _ in row) for row in wrapped(text, width, 2)]
+        rows = ["".join(text for text, _ in row) for row in wrap_to_rows(text, width, 2)]
         assert len(rows) == 2
         assert all(len(row) <= width for row in rows)
         assert rows[0].startswith("FAULT frame 12")
         assert rows[1].endswith("optics.focal_length_mm")
         assert "…" in " ".join(rows)
-    assert wrapped("short", 20, 1) == [[("short", "")]]
-    assert len(wrapped("x" * 90, 20, 2)) == 2
+    assert wrap_to_rows("short", 20, 1) == [[("short", "")]]
+    assert len(wrap_to_rows("x" * 90, 20, 2)) == 2
 
 
 def test_h_holds_and_resumes_and_the_first_line_says_held(wire: FakeWire) -> None:

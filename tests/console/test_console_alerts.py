@@ -8,7 +8,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.night.engine_view import EngineView, alerts_between, notification
+from rsoconsole.console.night.engine_view import EngineView, alerts_between, notification_sequence
 from rsoconsole.night import NightView, line_of
 from rsoconsole.records import Cause, Event, Missed, StateChange, TrackLost
 from rsoconsole.session import SessionWriter
@@ -108,7 +108,7 @@ def test_an_engine_that_is_gone_rings():
 
 
 def test_a_notification_holds_no_control_characters():
-    assert notification("lost\x1b[2J\n") == "\x1b]9;rsoconsole: lost[2J\x1b\\"
+    assert notification_sequence("lost\x1b[2J\n") == "\x1b]9;rsoconsole: lost[2J\x1b\\"
 
 
 def test_each_may_be_switched_off():

@@ -5,18 +5,18 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.console.night.engine_view import EngineView, engine_view
-from rsoconsole.console.words.facts import fact_lines
+from rsoconsole.console.night.engine_view import EngineView, read_engine_view
+from rsoconsole.console.words.facts import figure_lines
 from rsoconsole.night import FrameRow, NightView
-from rsoconsole.pipeline import Outlook
+from rsoconsole.pipeline import SkyOutlook
 from rsoconsole.records import CycleTiming, SlewCommand
-from rsoconsole.sky.limits.refusals import beyond
+from rsoconsole.sky.limits.refusals import beyond_bound_refusal
 from tests.makers import NS, T0_UTC_NS
 from tests.nights.made_up_night import state_of
 
 NOW = T0_UTC_NS
 HOUR = 3600 * NS
-SKY = Outlook(
+SKY = SkyOutlook(
     t_utc_ns=NOW,
     sun_altitude_deg=-31.0,
     sun_azimuth_deg=10.0,
@@ -31,24 +31,24 @@ SKY = Outlook(
 
 def engine(**status: Any) -> EngineView:
     values = {"state": "TRACK", "holder": "autonomy", "now_utc_ns": NOW, "ra": 10.0, "dec": 0.0}
-    return engine_view(values | status)
+    return read_engine_view(values | status)
 
 
 def words(
     night: NightView | None = None,
     *,
     size: tuple[int, int] = (120, 5),
-    outlook: Outlook | None = SKY,
+    outlook: SkyOutlook | None = SKY,
     **status: Any,
 ) -> str:
-    lines = fact_lines(night or NightView(), engine(**status), outlook, *size)
+    lines = figure_lines(night or NightView(), engine(**status), outlook, *size)
     assert len(lines) <= size[1]
     assert all(sum(len(text) for text, _ in line) <= size[0] for line in lines)
     return "\n".join("".join(text for text, _ in line) for line in lines)
 
 
 def inked(night: NightView | None = None, **status: Any) -> set[str]:
-    lines = fact_lines(night or NightView(), engine(**status), SKY, 200, 20)
+    lines = figure_lines(night or NightView(), engine(**status), SKY, 200, 20)
     return {text.strip() for line in lines for text, ink in line if ink == "warn"}
 
 
@@ -60,7 +60,7 @@ def test_what_the_telescope_does_now_has_a_countdown():
 
 
 def test_what_comes_is_told_the_soonest_first_with_clock_and_time_left():
-    refusal = beyond("altitude", 15.0, 15.0)
+    refusal = beyond_bound_refusal("altitude", 15.0, 15.0)
     sky = dataclasses.replace(
         SKY, target_limit=(NOW + 3 * HOUR, refusal), eclipse_utc_ns=NOW + 42 * 60 * NS
     )
@@ -105,7 +105,7 @@ def test_a_weak_supply_and_a_hot_processor_are_alarms_in_words(size):
         {"name": "power", "ok": False, "text": "UNDER-VOLTAGE"},
         {"name": "CPU", "ok": False, "text": "84 °C, hot, throttled"},
     ]
-    lines = fact_lines(NightView(), engine(health=health), SKY, *size)
+    lines = figure_lines(NightView(), engine(health=health), SKY, *size)
     told = {text.strip(): ink for line in lines for text, ink in line}
     assert told["power UNDER-VOLTAGE"] == "alarm"
     assert told["CPU 84 °C, hot, throttled"] == "alarm"

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.console.drawing.plot import Column, residual_limit, residual_plot
-from rsoconsole.console.timeline.lines import Place, place_words, timeline_lines
-from rsoconsole.console.timeline.timeline import FrameMark, Timeline
+from rsoconsole.console.drawing.plot import PlotColumn, residual_axis_limit, residual_plot
+from rsoconsole.console.timeline.lines import TimelineMarks, place_words, timeline_lines
+from rsoconsole.console.timeline.timeline import FrameStart, Timeline
 from rsoconsole.night import Night
 from rsoconsole.records import (
     BelowTau,
@@ -27,10 +27,10 @@ from tests.nights.made_up_night import taken
 
 
 def test_one_stray_residual_does_not_flatten_the_others():
-    usual = [Column(value=0.3 * (-1) ** n, bound=0.9) for n in range(20)]
-    stray = Column(value=-99.0, bound=120.0)
+    usual = [PlotColumn(value=0.3 * (-1) ** n, bound=0.9) for n in range(20)]
+    stray = PlotColumn(value=-99.0, bound=120.0)
     columns = [*usual, stray, *usual]
-    assert residual_limit(columns) == residual_limit(usual)
+    assert residual_axis_limit(columns) == residual_axis_limit(usual)
     text = "\n".join("".join(t for t, _ in line) for line in residual_plot(columns, 60, 5))
     assert "▼" in text
     assert "99" not in text
@@ -38,13 +38,16 @@ def test_one_stray_residual_does_not_flatten_the_others():
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_of_a_few_residuals_every_one_is_shown(count: int):
-    columns = [*(Column(value=0.3, bound=0.9) for _ in range(count)), Column(value=9.0, bound=0.9)]
-    assert residual_limit(columns) >= 9.0
+    columns = [
+        *(PlotColumn(value=0.3, bound=0.9) for _ in range(count)),
+        PlotColumn(value=9.0, bound=0.9),
+    ]
+    assert residual_axis_limit(columns) >= 9.0
 
 
 def test_residuals_that_are_often_large_make_the_axis():
-    columns = [Column(value=0.3 if n % 3 else 9.0, bound=0.9) for n in range(30)]
-    assert residual_limit(columns) >= 9.0
+    columns = [PlotColumn(value=0.3 if n % 3 else 9.0, bound=0.9) for n in range(30)]
+    assert residual_axis_limit(columns) >= 9.0
 
 
 # -- why a streak was not taken ------------------------------------------------------------------
@@ -54,7 +57,7 @@ def said(*records: object, number: int = 7) -> list[str]:
     night = Night(Path("night"), {}, Config())
     frame: FrameTaken = taken(number, 150.0, -5.0)
     for record in (frame, *records):
-        night.take(T0_UTC_NS, record)  # type: ignore[arg-type]
+        night.fold_record(T0_UTC_NS, record)  # type: ignore[arg-type]
     return [line.text for line in night.view().log]
 
 
@@ -100,7 +103,7 @@ def test_a_cloud_is_reason_enough():
 
 def test_the_time_line_shows_which_frames_have_their_pixels():
     minute = 60 * 10**9
-    frames = tuple(FrameMark(n * 10, T0_UTC_NS + n * minute, n) for n in range(1, 21))
+    frames = tuple(FrameStart(n * 10, T0_UTC_NS + n * minute, n) for n in range(1, 21))
     line = Timeline(
         frames=frames,
         first_utc_ns=frames[0].t_utc_ns,
@@ -109,12 +112,14 @@ def test_the_time_line_shows_which_frames_have_their_pixels():
         read_seq=209,
         with_pixels=frozenset({18, 19}),
     )
-    events, *_ = timeline_lines(line, Place(seq=10), 100, 3)
+    events, *_ = timeline_lines(line, TimelineMarks(seq=10), 100, 3)
     text = "".join(part for part, _ in events)
     assert text.count("▫") == 2
     assert text.index("▫") > 75
     assert place_words(line, 185, None)[-1] == "enter opens it"
     assert place_words(line, 15, None)[-1] == "pixels not kept"
     nowhere = replace(line, with_pixels=frozenset())
-    assert "▫" not in "".join(part for part, _ in timeline_lines(nowhere, Place(), 100, 3)[0])
+    assert "▫" not in "".join(
+        part for part, _ in timeline_lines(nowhere, TimelineMarks(), 100, 3)[0]
+    )
     assert len(place_words(nowhere, 15, None)) == 2

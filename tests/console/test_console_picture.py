@@ -7,17 +7,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.console.picture.marks import OUTLINE_POINTS, Mark, Window, marks_of, overlay
+from rsoconsole.console.picture.marks import (
+    OUTLINE_POINTS,
+    Mark,
+    Window,
+    frame_marks,
+    mark_characters,
+)
 from rsoconsole.console.picture.picture import (
     GREYS,
     STRETCHES,
     Picture,
     draw_closeup,
     draw_field,
-    light_of,
+    preview_light,
 )
-from rsoconsole.engine.tasks.preview import CLOSEUP_PX, closeup_of
-from rsoconsole.night import NightFrame, outline_px
+from rsoconsole.engine.tasks.preview import CLOSEUP_PX, cut_closeup
+from rsoconsole.night import NightFrame, uncertainty_ellipse_px
 from rsoconsole.records import Closeup, Detections, NotAStreak, Rejection, Solution, TrackState, Wcs
 from rsoconsole.sky import pixel_to_sky, separation_deg
 from tests.makers import straight_detection
@@ -75,14 +81,14 @@ def picture_of(angle_deg: float = 0.0, **other) -> Picture:
         x = 2000 + at * math.cos(math.radians(angle_deg))
         y = 1500 + at * math.sin(math.radians(angle_deg))
         pixels[round(y) - 1 : round(y) + 2, round(x) - 1 : round(x) + 2] = 1400
-    (x0, y0), closeup = closeup_of(pixels, 2000.0, 1500.0)
+    (x0, y0), closeup = cut_closeup(pixels, 2000.0, 1500.0)
     place = Closeup(frame_id=1, x0_px=x0, y0_px=y0, width_px=256, height_px=192)
     return Picture(
         frame_id=1,
         codes=codes,
-        light=light_of(codes),
+        light=preview_light(codes),
         detail=detail,
-        marks=marks_of(detail),
+        marks=frame_marks(detail),
         closeup=closeup,
         place=place,
     )
@@ -91,7 +97,7 @@ def picture_of(angle_deg: float = 0.0, **other) -> Picture:
 @given(st.floats(-50.0, 5000.0), st.floats(-50.0, 4000.0))
 def test_a_close_up_lies_in_the_frame_and_about_its_place(x_px, y_px):
     pixels = np.zeros((300, 400), np.uint16)
-    (x0, y0), piece = closeup_of(pixels, x_px, y_px)
+    (x0, y0), piece = cut_closeup(pixels, x_px, y_px)
     assert piece.shape == CLOSEUP_PX[::-1]
     assert 0 <= x0 <= 400 - 256
     assert 0 <= y0 <= 300 - 192
@@ -102,7 +108,7 @@ def test_a_close_up_lies_in_the_frame_and_about_its_place(x_px, y_px):
 
 
 def test_a_small_frame_is_its_own_close_up():
-    (x0, y0), piece = closeup_of(np.zeros((100, 120), np.float32), 60.0, 50.0)
+    (x0, y0), piece = cut_closeup(np.zeros((100, 120), np.float32), 60.0, 50.0)
     assert (x0, y0, piece.shape) == (0, 0, (100, 120))
 
 
@@ -113,7 +119,7 @@ def test_the_streak_of_a_close_up_is_seen_whole_between_its_brackets(angle_deg, 
     drawing = draw_closeup(picture, "streaks", *cells)
     assert drawing is not None
     window = drawing.window
-    written = overlay(picture.marks, window)
+    written = mark_characters(picture.marks, window)
     for bracket, beside, (x, y) in zip("()", (-1, 1), picture.marks[0].ends_px, strict=True):
         column, row = window.cell(x, y)
         assert window.has(column, row)
@@ -152,7 +158,7 @@ def test_every_stretch_keeps_the_order_of_light(stretch):
     picture = picture_of()
     codes = picture.codes.copy()
     codes[200:230, 300:330] = 250
-    bright = Picture(frame_id=1, codes=codes, light=light_of(codes), detail=picture.detail)
+    bright = Picture(frame_id=1, codes=codes, light=preview_light(codes), detail=picture.detail)
     drawing = draw_field(bright, stretch, 60, 20)
     rows, columns = drawing.greys.shape
     column, row = round(315 / 582 * columns), round(215 / 440 * rows)
@@ -163,14 +169,14 @@ def test_every_stretch_keeps_the_order_of_light(stretch):
 
 def test_noise_alone_is_not_drawn_up():
     codes = np.full((440, 582), 60, np.uint8)
-    dark = Picture(frame_id=1, codes=codes, light=light_of(codes), detail=NightFrame())
+    dark = Picture(frame_id=1, codes=codes, light=preview_light(codes), detail=NightFrame())
     assert draw_field(dark, "streaks", 60, 20).greys.max() <= 3
 
 
 @pytest.mark.parametrize(("east", "north"), [(60.0, 20.0), (10.0, 200.0)])
 def test_the_outline_is_where_three_sigma_lie_on_the_sky(east, north):
     plate, dec = solution(dec=-40.0), -40.01
-    points = outline_px(track(150.02, dec, east, north), plate, OUTLINE_POINTS)
+    points = uncertainty_ellipse_px(track(150.02, dec, east, north), plate, OUTLINE_POINTS)
     away = []
     for x, y in points:
         ra, d = (float(v) for v in pixel_to_sky(plate.wcs, x, y))
@@ -189,12 +195,12 @@ def test_the_outline_is_drawn_where_it_is_larger_than_a_cell():
         predicted=track(150.0, -5.0, 300.0, 300.0),
     )
     window = Window(x0_px=-0.5, y0_px=-0.5, width_px=WIDE, height_px=HIGH, columns=60, rows=20)
-    cells = overlay(marks_of(detail), window)
+    cells = mark_characters(frame_marks(detail), window)
     signs = [sign for sign, kind in cells.values() if kind == "predicted"]
     assert signs.count("+") == 1
     assert signs.count("·") >= 20
     small = Mark(x_px=100.0, y_px=100.0, kind="predicted", outline_px=((100.0, 101.0),))
-    assert overlay((small,), window) == {window.cell(100.0, 100.0): ("+", "predicted")}
+    assert mark_characters((small,), window) == {window.cell(100.0, 100.0): ("+", "predicted")}
 
 
 def test_rejected_candidates_are_pointed_at_only_from_near():
@@ -205,11 +211,14 @@ def test_rejected_candidates_are_pointed_at_only_from_near():
     found = Detections(
         frame_id=1, width_px=WIDE, height_px=HIGH, detections=(), rejected=(no, never)
     )
-    marks = marks_of(NightFrame(detections=found))
+    marks = frame_marks(NightFrame(detections=found))
     assert [(mark.kind, mark.label) for mark in marks] == [("rejected", ".07")]
     window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
-    assert overlay(marks, window) == {}
-    assert {sign for sign, _ in overlay(marks, window, has_rejected=True).values()} >= {"‹", "›"}
+    assert mark_characters(marks, window) == {}
+    assert {sign for sign, _ in mark_characters(marks, window, has_rejected=True).values()} >= {
+        "‹",
+        "›",
+    }
 
 
 def test_signs_stand_beside_a_streak_and_never_on_it():
@@ -220,7 +229,7 @@ def test_signs_stand_beside_a_streak_and_never_on_it():
     turns = np.linspace(0.0, 2 * np.pi, 72)
     outline = tuple((260.0 + 60 * math.cos(t), 200.0 + 30 * math.sin(t)) for t in turns)
     expected = Mark(x_px=260.0, y_px=200.0, kind="predicted", outline_px=outline)
-    written = overlay((streak, expected), window)
+    written = mark_characters((streak, expected), window)
     on_it = {window.cell(x, 200.0) for x in np.linspace(200.0, 320.0, 200)}
     assert not on_it & set(written)
     column, row = window.cell(260.0, 200.0)
@@ -249,7 +258,7 @@ def test_a_label_is_written_whole_or_its_figure_alone(ends: tuple[float, float],
         ends_px=((xa, y), (xb, y)),
         label=".93 satellite",
     )
-    cells = overlay((mark,), window)
+    cells = mark_characters((mark,), window)
     row = "".join(cells.get((column, 10), (" ", ""))[0] for column in range(60))
     assert written in row
     assert "satellite" in row or "sat" not in row
@@ -257,5 +266,5 @@ def test_a_label_is_written_whole_or_its_figure_alone(ends: tuple[float, float],
 
 def test_a_cross_on_empty_sky_stays_a_cross():
     window = Window(x0_px=0.0, y0_px=0.0, width_px=600.0, height_px=400.0, columns=60, rows=20)
-    written = overlay((Mark(x_px=100.0, y_px=100.0, kind="predicted"),), window)
+    written = mark_characters((Mark(x_px=100.0, y_px=100.0, kind="predicted"),), window)
     assert written == {(10, 5): ("+", "predicted")}

@@ -32,7 +32,7 @@ AIM = {
 }
 WIDE = Cause(
     kind="missed",
-    missed=Missed(kind="no detection", lost=TrackLost.by_bounds(40.0, fits_field=True)),
+    missed=Missed(kind="no detection", lost=TrackLost.by_uncertainty(40.0, fits_field=True)),
 )
 Act = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
 

@@ -26,14 +26,14 @@ from textual.pilot import Pilot
 
 from rsoconsole.base import RsoconsoleError, SessionError
 from rsoconsole.console import run_console
-from rsoconsole.console.app import ConsoleApp, action_of, is_utf8
+from rsoconsole.console.app import ConsoleApp, command_action, is_utf8
 from rsoconsole.console.commands.commands import COMMANDS, commands_in
 from rsoconsole.control import ControlServer, Outcome, Request
 from rsoconsole.records import Event
 from rsoconsole.session import SessionWriter
 from rsoconsole.simulator import start_observatory
 from rsoconsole.simulator.launch import Observatory
-from rsoconsole.simulator.server import ObservatorySettings, ObservatoryStage
+from rsoconsole.simulator.server import ObservatorySettings, ObservatorySetup
 from tests.makers import NS
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (
@@ -146,7 +146,7 @@ def test_a_simulated_night_whose_observatory_dies_ends_and_says_why(engine, sky)
         assert seat.process.poll() is None
 
 
-def open_near_the_pole(settings: ObservatorySettings) -> ObservatoryStage:
+def open_near_the_pole(settings: ObservatorySettings) -> ObservatorySetup:
     """Above every limit at any hour."""
     return dataclasses.replace(open_plain(settings), start_dec_icrs_deg=85.0)
 
@@ -681,7 +681,7 @@ def test_a_seat_that_only_looks_tunes_marks_and_points_at_nothing(wire, size):
             if command.name in {"stop", "stop_by_letter", "leave", "sessions"}:
                 continue
             owner = app if command.is_everywhere else app.live
-            action_of(owner, command)()
+            command_action(owner, command)()
             await pilot.pause()
             await pilot.press("right", "enter", "u", "w", "y")
             while app.screen is not app.live:

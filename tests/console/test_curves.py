@@ -9,15 +9,20 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import Config
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.drawing.plain import plain
+from rsoconsole.console.drawing.plain import to_ascii
 from rsoconsole.console.drawing.plot import AXIS_COLUMNS, Line
-from rsoconsole.console.words.curves import alignment_lines, focus_lines, quality_lines, trend_words
+from rsoconsole.console.words.curves import (
+    alignment_lines,
+    focus_lines,
+    fwhm_trend_words,
+    image_quality_lines,
+)
 from rsoconsole.console.words.panels import (
     PlotWindow,
-    axis_lines,
     confidence_lines,
     nis_lines,
     residual_lines,
+    time_axis_lines,
 )
 from rsoconsole.night import FRAME_FACTS, FrameRow, NightView
 from rsoconsole.sky import iso_to_utc_ns
@@ -49,7 +54,7 @@ def test_the_four_curves_have_their_unit_their_span_and_one_axis_of_time():
         )
         for n in range(1, 41)
     ]
-    said = words(quality_lines(rows, 60, 17))
+    said = words(image_quality_lines(rows, 60, 17))
     assert len(said.splitlines()) == 17
     assert "FWHM 2.9 px" in said
     assert "2.5 to 2.9" in said
@@ -61,7 +66,7 @@ def test_the_four_curves_have_their_unit_their_span_and_one_axis_of_time():
 
 def test_haze_is_said_loudly_and_what_was_not_measured_plainly():
     clear = [row(n, zero_point_mag=21.5) for n in range(1, 10)]
-    hazy = quality_lines([*clear, row(10, zero_point_mag=21.0)], 60, 17)
+    hazy = image_quality_lines([*clear, row(10, zero_point_mag=21.0)], 60, 17)
     assert ("transparency, zero point 21.00 mag", "warn") in [
         part for line in hazy for part in line
     ]
@@ -70,7 +75,7 @@ def test_haze_is_said_loudly_and_what_was_not_measured_plainly():
 
 def test_a_time_stands_under_the_frame_that_began_then():
     rows = [row(n) for n in range(1, 101)]
-    (line,) = axis_lines(rows, AXIS_COLUMNS + 50, 1)
+    (line,) = time_axis_lines(rows, AXIS_COLUMNS + 50, 1)
     text = "".join(part for part, _ in line)
     at = text.index("╵06:07")  # frames 51 to 100 are shown, one a column
     shown = rows[50 + at - AXIS_COLUMNS]
@@ -151,13 +156,15 @@ def test_titles_tell_of_the_newest_frame_up_to_the_right_edge_and_not_of_a_marks
 )
 def test_the_trend_of_the_focus_is_told_from_its_scatter(change, says):
     scatter = np.random.default_rng(3).normal(0.0, 0.02, 10)
-    assert says in trend_words([3.0 + change * n + s for n, s in enumerate(scatter)])[0]
+    assert says in fwhm_trend_words([3.0 + change * n + s for n, s in enumerate(scatter)])[0]
 
 
 def test_the_focus_is_shown_large_with_its_best():
     night = NightView(rows=tuple(row(n, star_fwhm_px=3.0 - n / 10) for n in range(1, 11)))
     said = words(focus_lines(night, 50, 16))
-    assert "FWHM 2.00 px   best 2.00 in frame 0010" in plain(said)  # where blocks cannot be drawn
+    assert "FWHM 2.00 px   best 2.00 in frame 0010" in to_ascii(
+        said
+    )  # where blocks cannot be drawn
     assert "█" in said
     assert "no frame has shown stars" in words(focus_lines(NightView(), 50, 16))
 

@@ -16,18 +16,18 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.ask import GotoDialog
 from rsoconsole.console.dialogs.help import HelpDialog
 from rsoconsole.console.drawing.plot import Line
-from rsoconsole.console.night.engine_view import EngineView, engine_view
-from rsoconsole.console.orbit.lines import orbit_facts, orbit_lines, target_words
-from rsoconsole.console.panes.last_line import key_line, keys_for
+from rsoconsole.console.night.engine_view import EngineView, read_engine_view
+from rsoconsole.console.orbit.lines import orbit_lines, orbit_pane_contents, target_words
+from rsoconsole.console.panes.last_line import key_line, live_keys
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
 from rsoconsole.console.tuning.tuning_pane import NAMES, Tuning
 from rsoconsole.console.tuning.what_if_watch import (
-    count_by_present_settings,
-    frames_of_track,
+    count_present_settings_frames,
+    lead_track_frames,
     track_quality,
 )
-from rsoconsole.console.words.facts import fact_lines
-from rsoconsole.console.words.leaving import left_in_field_s
+from rsoconsole.console.words.facts import figure_lines
+from rsoconsole.console.words.leaving import time_left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.night import (
@@ -37,8 +37,8 @@ from rsoconsole.night import (
     Night,
     NightView,
     TrackFigures,
-    as_recorded,
     line_of,
+    recorded_figures,
 )
 from rsoconsole.night.log_lines import append_line
 from rsoconsole.night.night_view import Pointing
@@ -71,7 +71,7 @@ def plain(lines: list[Line]) -> str:
 
 def figures(**changes: Any) -> TrackFigures:
     return dataclasses.replace(
-        as_recorded([]),
+        recorded_figures([]),
         frames=40,
         updates=40,
         misses=0,
@@ -121,9 +121,11 @@ def test_frames_by_the_same_settings_count_whenever_they_were():
         for n in range(1, 11)
     )
     back = NightView(rows=rows, config=Config(), changed={q: 1.0})
-    assert count_by_present_settings(back, 10) == 7
-    assert count_by_present_settings(dataclasses.replace(back, changed={q: 2.25}), 10) == 3
-    assert count_by_present_settings(dataclasses.replace(back, changed={"log.level": "x"}), 4) == 3
+    assert count_present_settings_frames(back, 10) == 7
+    assert count_present_settings_frames(dataclasses.replace(back, changed={q: 2.25}), 10) == 3
+    assert (
+        count_present_settings_frames(dataclasses.replace(back, changed={"log.level": "x"}), 4) == 3
+    )
 
 
 def test_what_is_tried_is_judged_over_the_same_frames():
@@ -189,7 +191,7 @@ def test_the_orbit_s_pane_says_how_good_the_track_is():
     assert (found.frames, found.misses) == (3, 1)
     assert found.residual_rms_arcsec == pytest.approx(math.sqrt(12.5))
     assert (found.nis_mean, found.inside_3sigma) == (12.5, 0.5)
-    said = plain(orbit_lines(orbit_facts(view, EngineView(reach="recorded"), None), 90, 20))
+    said = plain(orbit_lines(orbit_pane_contents(view, EngineView(reach="recorded"), None), 90, 20))
     assert "rms 3.54″" in said
     assert "3σ holds 50%" in said
     assert "1 missed" in said
@@ -209,7 +211,7 @@ def test_residuals_that_resemble_each_other_are_said_to(signs: tuple[int, ...], 
     assert found is not None
     assert found.lag_one is not None
     assert (abs(found.lag_one) < found.lag_one_bound) == is_white
-    lines = orbit_lines(orbit_facts(view, EngineView(reach="recorded"), None), 90, 20)
+    lines = orbit_lines(orbit_pane_contents(view, EngineView(reach="recorded"), None), 90, 20)
     (ink,) = [ink for line in lines for text, ink in line if "lag-1 " in text]
     assert ink == ("" if is_white else "warn")
 
@@ -217,7 +219,7 @@ def test_residuals_that_resemble_each_other_are_said_to(signs: tuple[int, ...], 
 def test_a_size_that_the_prior_gives_says_so():
     def words(prior: str) -> str:
         estimate = dataclasses.replace(estimate_of(5), prior=prior)
-        shown = orbit_facts(
+        shown = orbit_pane_contents(
             folded(state(5), to(5, "ACQUIRE", "TRACK"), estimate).view(),
             EngineView(reach="recorded"),
             None,
@@ -240,12 +242,12 @@ def test_the_track_s_quality_agrees_with_the_tuning_pane_s_figures(tmp_path: Pat
         for seq, t, record in reader.records()
     ]
     for _, t_utc_ns, record in records:
-        fold.take(t_utc_ns, record)
+        fold.fold_record(t_utc_ns, record)
     writer.close()
     view = fold.view()
     assert view.rows[-11].miss == ELSEWHERE
     told = [record for *_, record in records]
-    theirs = as_recorded(told, len(frames_of_track(view, 20)), of_lead=True)
+    theirs = recorded_figures(told, len(lead_track_frames(view, 20)), of_lead=True)
     ours = track_quality(view, 20)
     assert ours is not None
     assert ours.frames == theirs.frames
@@ -325,7 +327,7 @@ def by_hand(**changes: Any) -> tuple[NightView, EngineView]:
         rows=(row,),
     )
     told = {"state": "MANUAL", "holder": "operator", "kept": "INTELSAT 21", "is_tracking": True}
-    return view, engine_view(told | {"now_utc_ns": night.t_of(6)} | changes)
+    return view, read_engine_view(told | {"now_utc_ns": night.t_of(6)} | changes)
 
 
 def test_by_hand_it_is_said_when_the_satellite_leaves_the_field():
@@ -333,16 +335,16 @@ def test_by_hand_it_is_said_when_the_satellite_leaves_the_field():
     assert view.config is not None
     assert view.frame is not None
     assert view.kept_track is not None
-    left_s = left_in_field_s(view, view.kept_track, view.rows[0], night.t_of(6))
+    left_s = time_left_in_field_s(view, view.kept_track, view.rows[0], night.t_of(6))
     half_arcsec = 0.5 * view.frame.width_px * view.config.optics.scale_arcsec_px
     rate = abs(view.kept_track.x[1]) * 3600.0 * math.cos(math.radians(5.0))
     assert left_s == pytest.approx(half_arcsec / rate, rel=1e-6)
-    said = plain(fact_lines(view, engine, None, 120, 5))
+    said = plain(figure_lines(view, engine, None, 120, 5))
     assert f"INTELSAT 21 leaves the field in {left_s / 60.0:.0f} min" in said
-    late = engine_view(
+    late = read_engine_view(
         {"state": "MANUAL", "kept": "INTELSAT 21", "now_utc_ns": night.t_of(6) + 3600 * NS}
     )
-    assert "INTELSAT 21 is out of the field" in plain(fact_lines(view, late, None, 120, 5))
+    assert "INTELSAT 21 is out of the field" in plain(figure_lines(view, late, None, 120, 5))
 
 
 @pytest.mark.parametrize(
@@ -350,7 +352,7 @@ def test_by_hand_it_is_said_when_the_satellite_leaves_the_field():
 )
 def test_nothing_is_said_of_a_field_that_does_not_go_with_the_stars(changes: dict[str, Any]):
     view, engine = by_hand(**changes)
-    assert "the field" not in plain(fact_lines(view, engine, None, 120, 5))
+    assert "the field" not in plain(figure_lines(view, engine, None, 120, 5))
 
 
 def held(now_utc_ns: int, **changes: Any) -> tuple[NightView, EngineView]:
@@ -359,17 +361,17 @@ def held(now_utc_ns: int, **changes: Any) -> tuple[NightView, EngineView]:
     view = dataclasses.replace(view, state="TRACK", track=view.kept_track, kept_track=None)
     told = {"state": "TRACK", "holder": "autonomy", "is_held": True, "is_tracking": True}
     named = {"target": "INTELSAT 21", "now_utc_ns": now_utc_ns}
-    return view, engine_view(told | named | changes)
+    return view, read_engine_view(told | named | changes)
 
 
 def test_held_it_is_said_when_the_satellite_leaves_the_field_and_which_key_goes_after_it():
     view, engine = held(night.t_of(6))
-    said = plain(fact_lines(view, engine, None, 120, 5))
+    said = plain(figure_lines(view, engine, None, 120, 5))
     assert re.search(r"INTELSAT 21 leaves the field in \d+ (min|s)", said)
     view, late = held(night.t_of(6) + 3600 * NS)
-    said = plain(fact_lines(view, late, None, 120, 5))
+    said = plain(figure_lines(view, late, None, 120, 5))
     assert "INTELSAT 21 is outside the field: h follows it again" in said
-    said = plain(fact_lines(view, late, None, 120, 5, keymap={"hold_or_resume": "f7"}))
+    said = plain(figure_lines(view, late, None, 120, 5, keymap={"hold_or_resume": "f7"}))
     assert "f7 follows it again" in said
 
 
@@ -377,9 +379,9 @@ def test_held_nothing_is_said_of_a_field_that_a_slew_is_leaving_or_that_autonomy
     view, engine = held(night.t_of(6))
     slew = Pointing(t_utc_ns=night.t_of(8), ra_icrs_deg=151.0, dec_icrs_deg=-5.0, is_ordered=True)
     slewing = dataclasses.replace(view, pointing=slew)
-    assert "the field" not in plain(fact_lines(slewing, engine, None, 120, 5))
+    assert "the field" not in plain(figure_lines(slewing, engine, None, 120, 5))
     view, free = held(night.t_of(6), is_held=False)
-    assert "the field" not in plain(fact_lines(view, free, None, 120, 5))
+    assert "the field" not in plain(figure_lines(view, free, None, 120, 5))
 
 
 # -- cloud, and what is held for it ---------------------------------------------------------------
@@ -404,19 +406,19 @@ def test_under_cloud_the_last_line_names_the_key_that_waits_for_the_stars(
 ):
     view = folded(to(3, "ACQUIRE", "TRACK"), state(5), *missed(6, reason)).view()
     assert view.is_in_cloud is is_named
-    engine = engine_view({"state": "COAST", "holder": "autonomy"})
+    engine = read_engine_view({"state": "COAST", "holder": "autonomy"})
     for width in (80, 100):
-        keys = keys_for(engine, can_act=True, is_in_cloud=view.is_in_cloud)
+        keys = live_keys(engine, can_act=True, is_in_cloud=view.is_in_cloud)
         line = plain(key_line(keys)(width, 1))
         assert ("w Hold until it clears" in line) is is_named
     held = dataclasses.replace(engine, is_held=True)
-    assert "w" not in [each.key for each in keys_for(held, can_act=True, is_in_cloud=True)]
+    assert "w" not in [each.key for each in live_keys(held, can_act=True, is_in_cloud=True)]
 
 
 def test_a_hold_until_it_clears_says_so_in_the_first_line():
     told = {"state": "COAST", "holder": "autonomy", "is_held": True}
     for is_until_clear in (True, False):
-        engine = engine_view(told | {"resumes_when_clear": is_until_clear})
+        engine = read_engine_view(told | {"resumes_when_clear": is_until_clear})
         said = plain(top_lines(NightView(), engine, False, 120, 1))
         assert ("HELD until it clears" in said) is is_until_clear
 
@@ -432,7 +434,7 @@ def test_changes_of_state_that_come_out_the_same_are_told_once_and_a_coast_goes_
     view = folded(*again, *missed(7, IN_CLOUD)[2:-1], before=log).view()
     assert [line.text for line in view.log if line.kind == "StateChange"] == texts
     now = night.t_of(8)
-    engine = engine_view({"state": "COAST", "holder": "autonomy", "now_utc_ns": now})
+    engine = read_engine_view({"state": "COAST", "holder": "autonomy", "now_utc_ns": now})
     # Since frame 5, in which it was measured last, however often it came to a coast since.
     since = duration_words((now - night.state_of(5, 0.0, 0.0, "updated").t_utc_ns) / NS)
     assert f"COAST {since}" in plain(top_lines(view, engine, False, 120, 1))
@@ -498,10 +500,10 @@ def test_turns_from_orbit_to_filter_and_back_are_one_line():
 def test_the_aim_shown_is_the_next_one_in_the_log_s_words():
     view = NightView(track=night.state_of(4, 10.0, 0.0, "updated"), state="TRACK")
     for reason, words in (("filter", "aim: filter"), ("orbit", "aim: orbit")):
-        engine = engine_view(
+        engine = read_engine_view(
             {"state": "TRACK", "ra": 10.0, "dec": 0.0, "next_aim": {"reason": reason}}
         )
-        assert words in plain(fact_lines(view, engine, None, 120, 5))
+        assert words in plain(figure_lines(view, engine, None, 120, 5))
 
 
 # -- dialogs --------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ from rsoconsole.console.watches.sheet_worker import FrameOpened
 from rsoconsole.control import MarkByHand
 from rsoconsole.instruments import read_frame
 from rsoconsole.night import NightFrame
-from rsoconsole.pipeline import HELD, Reprocessed, Reprocessor, recorded_frame
+from rsoconsole.pipeline import HELD, ReprocessedFrame, Reprocessor, read_frame_records
 from rsoconsole.pipeline.cycle.decisions import KEPT as KEPT_FRAMES
 from rsoconsole.pipeline.replays import reprocess
 from rsoconsole.session import SessionReader
@@ -69,10 +69,10 @@ def _read(path: Path, frame_id: int):
 
 
 _run = Reprocessor.run
-_SEEN: dict[tuple[object, ...], Reprocessed] = {}
+_SEEN: dict[tuple[object, ...], ReprocessedFrame] = {}
 
 
-def _once(self: Reprocessor, *settings: object, **named: object) -> Reprocessed:
+def _once(self: Reprocessor, *settings: object, **named: object) -> ReprocessedFrame:
     """A frame with the same settings is the same for all tests."""
     recorded = self._recorded
     key = (repr(recorded), settings, *sorted(named.items()))
@@ -310,7 +310,7 @@ def test_another_tau_says_what_the_detector_would_have_said(impatient_seat: None
 
 def test_tau_stops_at_its_bounds_and_comes_back_by_the_same_steps():
     sheet = FrameScreenState(frame_id=KEPT)
-    recorded = recorded_frame(SessionReader(SAMPLE), KEPT)
+    recorded = read_frame_records(SessionReader(SAMPLE), KEPT)
     sheet.opened = FrameOpened(
         recorded=recorded, detail=NightFrame(), preview=None, bytes=0, candidates=()
     )
@@ -589,7 +589,7 @@ def test_the_other_kept_frames_are_reached_from_an_opened_one(impatient_seat: No
         assert "frame 0011" in title(other)
         # As near, with the cross on that frame's own streak: so two are compared.
         assert other.sheet.opened is not None
-        own = other.sheet.opened.detail.followed
+        own = other.sheet.opened.detail.accepted_measurement
         assert own is not None
         assert view is not None
         its = other.sheet.view

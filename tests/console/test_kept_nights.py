@@ -24,13 +24,13 @@ def test_what_was_given_away_stays_as_it_was_however_the_night_goes_on(tmp_path:
     writer = eventful_night.write(tmp_path / "night", 40)
     writer.close()
     reader = SessionReader(writer.folder)
-    alone, looked_at = (Night(reader.folder, reader.about(), reader.config()) for _ in range(2))
+    alone, looked_at = (Night(reader.folder, reader.read_meta(), reader.config()) for _ in range(2))
     seen = []
     for number, (seq, t_utc_ns, record) in enumerate(reader.records()):
-        alone.take(t_utc_ns, record, seq)
-        looked_at.take(t_utc_ns, record, seq)
-        newest = looked_at.newest_frames()
-        given: list[object] = [looked_at.keep() if number % 7 == 0 else None]
+        alone.fold_record(t_utc_ns, record, seq)
+        looked_at.fold_record(t_utc_ns, record, seq)
+        newest = looked_at.newest_frame_ids()
+        given: list[object] = [looked_at.checkpoint() if number % 7 == 0 else None]
         if number % 3 == 0:
             view = looked_at.view()
             given += [view.rows[-3:], view.measured]
@@ -47,19 +47,19 @@ def test_a_night_that_goes_back_is_as_it_was(tmp_path: Path) -> None:
     writer = eventful_night.write(tmp_path / "night", 30)
     writer.close()
     reader = SessionReader(writer.folder)
-    night = Night(reader.folder, reader.about(), reader.config())
+    night = Night(reader.folder, reader.read_meta(), reader.config())
     records = list(reader.records())
     kept, then = None, None
     for seq, t_utc_ns, record in records:
-        night.take(t_utc_ns, record, seq)
+        night.fold_record(t_utc_ns, record, seq)
         if seq == records[len(records) // 2][0]:
-            kept, then = night.keep(), night.view()
+            kept, then = night.checkpoint(), night.view()
     assert kept is not None
     end = night.view()
-    night.go_back(kept)
+    night.restore(kept)
     assert night.view() == then
     for seq, t_utc_ns, record in records[len(records) // 2 + 1 :]:
-        night.take(t_utc_ns, record, seq)
+        night.fold_record(t_utc_ns, record, seq)
     assert night.view() == end
 
 
@@ -69,19 +69,19 @@ def test_a_frame_that_somebody_marks_in_is_followed_again_however_many_came_mean
     writer = eventful_night.write(tmp_path / "night", 40)
     writer.close()
     reader = SessionReader(writer.folder)
-    night = Night(reader.folder, reader.about(), reader.config())
+    night = Night(reader.folder, reader.read_meta(), reader.config())
     begun = OperatorAction(
         verb="begin_mark", arguments={"frame": 11, "on": True}, outcome=DONE, by="console"
     )
     for seq, t_utc_ns, record in reader.records():
-        night.take(t_utc_ns, record, seq)
+        night.fold_record(t_utc_ns, record, seq)
         if isinstance(record, CycleTiming) and record.frame_id == 12:
-            night.take(t_utc_ns, begun)
+            night.fold_record(t_utc_ns, begun)
     row = night.row(11)
     assert row is not None
     assert row.residual_arcsec is not None
-    night.take(0, Ruling(frame_id=11, refused=(), by="console"))
-    night.take(0, FollowedAgain(frame_id=11))
+    night.fold_record(0, Ruling(frame_id=11, refused=(), by="console"))
+    night.fold_record(0, FollowedAgain(frame_id=11))
     again = night.row(11)
     assert again is not None
     assert (again.residual_arcsec, again.is_followed) == (None, False)

@@ -8,7 +8,7 @@ from textual.binding import Binding
 from rsoconsole.console.commands.command import Place
 from rsoconsole.console.commands.commands import BY_NAME, commands_in
 from rsoconsole.console.commands.keymap import load_keymap
-from rsoconsole.console.frame.sheet_actions import SheetActions
+from rsoconsole.console.frame.sheet_actions import FrameScreenActions
 from rsoconsole.console.panes.last_line import MODE_KEYS
 
 ALIKE = {
@@ -37,7 +37,7 @@ def of_screen(place: Place) -> dict[str, str]:
 
 def of_opened_frame() -> dict[str, str]:
     found = {}
-    for binding in SheetActions.BINDINGS:
+    for binding in FrameScreenActions.BINDINGS:
         assert isinstance(binding, Binding)
         for key in binding.key.split(","):
             found[key] = binding.id or binding.action

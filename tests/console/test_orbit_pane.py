@@ -11,9 +11,14 @@ from textual.pilot import Pilot
 from rsoconsole.config import Config, ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import FULL, LARGE, THREE_COLUMNS, orbit_box, pane_boxes
-from rsoconsole.console.drawing.plain import plain
-from rsoconsole.console.night.engine_view import EngineView, OrbitAhead, orbit_ahead
-from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, orbit_lines, target_words
+from rsoconsole.console.drawing.plain import to_ascii
+from rsoconsole.console.night.engine_view import EngineView, OrbitPrediction, predict_orbit
+from rsoconsole.console.orbit.lines import (
+    OrbitPaneContents,
+    orbit_lines,
+    orbit_pane_contents,
+    target_words,
+)
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.screens.review import ReviewScreen
 from rsoconsole.console.timeline.lines import review_top_lines
@@ -22,7 +27,7 @@ from rsoconsole.console.watches import watch as outlook_watch
 from rsoconsole.console.watches.watch import OutlookWatch
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.night import NightView
-from rsoconsole.pipeline import OrbitOutlook, PlaceAhead
+from rsoconsole.pipeline import FuturePosition, OrbitOutlook
 from rsoconsole.records import FollowedAgain
 from tests.makers import NS
 from tests.nights import made_up_night as night
@@ -47,8 +52,8 @@ WIDE = replace(BEST, name="実践衛星")
 SIZES = ((47, 15), (59, 8), (57, 12), (80, 30), (40, 11), (120, 20), (20, 4), (1, 1))
 
 
-def place(after_s: int, **changes: Any) -> PlaceAhead:
-    where = PlaceAhead(
+def place(after_s: int, **changes: Any) -> FuturePosition:
+    where = FuturePosition(
         t_utc_ns=NOW + after_s * NS,
         ra_icrs_deg=83.04,
         dec_icrs_deg=-5.87,
@@ -72,7 +77,7 @@ OUTLOOK = OrbitOutlook(
     rises_utc_ns=None,
     eclipse_utc_ns=(NOW + 600 * NS, NOW + 4200 * NS),
 )
-AHEAD = OrbitAhead(
+AHEAD = OrbitPrediction(
     folder=None,
     estimate=estimate_of(20),
     from_utc_ns=NOW,
@@ -80,23 +85,23 @@ AHEAD = OrbitAhead(
     elements={"raan_deg": 82.14, "argp_deg": 40.0},
     sigmas={"e": 2e-5, "i_deg": 3e-3, "raan_deg": 0.4, "argp_deg": 130.0},
 )
-KNOWN = OrbitFacts(
+KNOWN = OrbitPaneContents(
     estimate=estimate_of(20), identified=identified_of(20), ahead=AHEAD, now_utc_ns=NOW
 )
 
 
-def said(shown: OrbitFacts, width: int = 80, height: int = 30) -> str:
+def said(shown: OrbitPaneContents, width: int = 80, height: int = 30) -> str:
     lines = orbit_lines(shown, width, height)
     assert len(lines) <= height
     texts = ["".join(text for text, _ in line) for line in lines]
     for text in texts:
         assert len(text) <= width
         assert not any(unicodedata.east_asian_width(c) in "WF" for c in text)
-        assert plain(text).isascii()
+        assert to_ascii(text).isascii()
     return "\n".join(texts)
 
 
-def inks(shown: OrbitFacts) -> dict[str, str]:
+def inks(shown: OrbitPaneContents) -> dict[str, str]:
     return {text.strip(): ink for line in orbit_lines(shown, 80, 30) for text, ink in line}
 
 
@@ -114,10 +119,10 @@ def inks(shown: OrbitFacts) -> dict[str, str]:
         replace(
             KNOWN, identified=identified_of(20, matches=(replace(BEST, name="実践衛星"), NEXT))
         ),
-        OrbitFacts(absence="an orbit needs 3 measurements: 1 so far"),
+        OrbitPaneContents(absence="an orbit needs 3 measurements: 1 so far"),
     ],
 )
-def test_it_fits_every_place_it_is_given(shown: OrbitFacts, size: tuple[int, int]) -> None:
+def test_it_fits_every_place_it_is_given(shown: OrbitPaneContents, size: tuple[int, int]) -> None:
     assert "orbit" in said(shown, *size) or size == (1, 1)
 
 
@@ -222,9 +227,9 @@ def test_until_it_is_computed_where_it_leads_that_is_said() -> None:
 # -- what is known at an instant --------------------------------------------------------------
 
 
-def seen(*records: Any, ahead: OrbitAhead | None = None, **changes: Any) -> OrbitFacts:
+def seen(*records: Any, ahead: OrbitPrediction | None = None, **changes: Any) -> OrbitPaneContents:
     view = replace(folded(*records).view(), folder=None, **changes)
-    return orbit_facts(view, EngineView(reach="recorded"), ahead)
+    return orbit_pane_contents(view, EngineView(reach="recorded"), ahead)
 
 
 def test_why_there_is_no_orbit_is_said() -> None:
@@ -235,20 +240,20 @@ def test_why_there_is_no_orbit_is_said() -> None:
     assert "on record" in seen(*more).absence
     off = Config.model_validate({"orbit": {"online": False}})
     assert "orbit.online is off" in seen(*more, config=off).absence
-    live = orbit_facts(folded(*more).view(), EngineView(reach="attached"), None)
+    live = orbit_pane_contents(folded(*more).view(), EngineView(reach="attached"), None)
     assert live.absence == "no orbit yet: the measurements so far tell none"
 
 
 def test_an_orbit_from_before_a_word_on_a_frame_says_so_and_how_old_it_is() -> None:
     view = replace(folded(*FOLLOWED, FollowedAgain(frame_id=5)).view(), folder=None)
     engine = EngineView(reach="attached", now_utc_ns=view.orbit_utc_ns + 130 * NS)
-    shown = orbit_facts(view, engine, None)
+    shown = orbit_pane_contents(view, engine, None)
     lines = "\n".join("".join(t for t, _ in line) for line in orbit_lines(shown, 60, 12))
     assert shown.absence == ""
     assert "from 2m10 ago: being fitted again after your word" in lines
     assert "42" in target_words(shown)[1]
     fitted = folded(*FOLLOWED, FollowedAgain(frame_id=5), estimate_of(5)).view()
-    assert orbit_facts(replace(fitted, folder=None), engine, None).since_word_s is None
+    assert orbit_pane_contents(replace(fitted, folder=None), engine, None).since_word_s is None
 
 
 def test_what_was_computed_of_another_moment_is_not_shown() -> None:
@@ -271,7 +276,7 @@ def test_the_last_orbit_of_a_lost_one_says_of_when_it_is() -> None:
 
 
 def test_where_it_leads_agrees_with_the_orbit_itself() -> None:
-    ahead = orbit_ahead(estimate_of(20), Config(), NOW)
+    ahead = predict_orbit(estimate_of(20), Config(), NOW)
     assert ahead.outlook is not None
     # A geostationary satellite stands still over the ground.
     places = [(each.altitude_deg, each.azimuth_deg) for each in ahead.outlook.ahead]
@@ -289,11 +294,11 @@ def test_an_orbit_that_leads_nowhere_is_shown_all_the_same(
     def breaks(*_: Any, **__: Any) -> None:
         raise ArithmeticError("no such orbit")
 
-    came: list[OrbitAhead] = []
+    came: list[OrbitPrediction] = []
     skies: list[Any] = []
     watch = OutlookWatch(skies.append, came.append)
     watch.update(folded(*FOLLOWED).view(), EngineView(reach="recorded"))
-    monkeypatch.setattr(outlook_watch, "orbit_ahead", breaks)
+    monkeypatch.setattr(outlook_watch, "predict_orbit", breaks)
     watch._look()
     assert len(skies) == 1
     assert [ahead.outlook for ahead in came] == [None]
@@ -321,7 +326,7 @@ def test_it_is_computed_again_for_another_orbit_and_not_for_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(outlook_watch, "BREATH_S", 0.0)
-    came: list[OrbitAhead] = []
+    came: list[OrbitPrediction] = []
     watch = OutlookWatch(lambda _: None, came.append)
     found = folded(*FOLLOWED)
     engine = EngineView(reach="attached", now_utc_ns=night.t_of(5))
@@ -432,7 +437,7 @@ def test_a_key_opens_it_over_the_plots_and_everything_else_goes_on(
 def test_a_mark_is_made_in_a_picture_that_is_seen(named_night: Path, impatient_seat: None) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("o")
-        await until(pilot, app.live.covers_picture)
+        await until(pilot, app.live.is_picture_covered)
         await pilot.press("m")
         assert not shown_text(app.live)
         assert app.live.marking is not None
@@ -485,7 +490,7 @@ def test_it_works_read_only_and_in_letters_only(named_night: Path, impatient_sea
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await pilot.press("o")
         await until(pilot, lambda: "INTELSAT" in shown_text(app.live))
-        assert plain(shown_text(app.live)).isascii()
+        assert to_ascii(shown_text(app.live)).isascii()
 
     settings = ConsoleConfig(ascii=True)
     play(FakeWire(named_night), scene, read_only=True, settings=settings)

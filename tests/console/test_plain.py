@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.config import ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.drawing.plain import PlainFilter, plain, spell_out_signs
+from rsoconsole.console.drawing.plain import AsciiFilter, spell_out_signs, to_ascii
 from tests.rigs.seat_rig import FakeWire, play, until
 
 BLACK = Color(0, 0, 0)
@@ -19,19 +19,19 @@ BLACK = Color(0, 0, 0)
 
 @given(st.text())
 def test_whatever_it_is_given_it_gives_as_many_ascii_characters(text):
-    assert plain(text).isascii()
-    assert len(plain(text)) == len(text)
+    assert to_ascii(text).isascii()
+    assert len(to_ascii(text)) == len(text)
 
 
 def test_what_the_seat_says_stays_readable():
-    assert plain("α 05:32:11 δ -04°52′10″ ±0.2″ → COAST · 3σ") == (
+    assert to_ascii("α 05:32:11 δ -04°52′10″ ±0.2″ → COAST · 3σ") == (
         'a 05:32:11 d -04o52\'10" ~0.2" > COAST . 3s'
     )
-    assert plain("├── 3σ ─┤") == "+-- 3s -+"
+    assert to_ascii("├── 3σ ─┤") == "+-- 3s -+"
     # What was measured is a star wherever in its cell it lies; what was missed is an o.
-    assert plain("⠛⣤⠁⡀⠀○") == "**'. o"
-    assert plain("⣀⠉") == "**"  # one that lies across two cells
-    assert plain(string.printable) == string.printable
+    assert to_ascii("⠛⣤⠁⡀⠀○") == "**'. o"
+    assert to_ascii("⣀⠉") == "**"  # one that lies across two cells
+    assert to_ascii(string.printable) == string.printable
 
 
 def test_signs_are_spelled_out_where_the_line_has_room():
@@ -55,7 +55,7 @@ def test_spelled_out_a_line_is_as_long_as_before(texts):
 
 
 def test_pictures_become_brighter_signs_where_there_is_more_light():
-    filter_ = PlainFilter()
+    filter_ = AsciiFilter()
     greys = [
         Segment("▀▀", Style(color=f"rgb({v},{v},{v})", bgcolor=f"rgb({v},{v},{v})"))
         for v in (0, 60, 130, 255)
@@ -79,6 +79,6 @@ def test_a_terminal_without_unicode_gets_letters_only(wire: FakeWire):
 
 def test_where_it_is_not_asked_for_nothing_is_changed(wire: FakeWire):
     async def scene(app: ConsoleApp, _pilot: Pilot[str]) -> None:
-        assert not any(isinstance(each, PlainFilter) for each in app._filters)
+        assert not any(isinstance(each, AsciiFilter) for each in app._filters)
 
     play(wire, scene, settings=ConsoleConfig(ascii=False))

@@ -505,10 +505,12 @@ def test_a_database_that_breaks_while_it_is_shown_is_said_and_heals(tmp_path: Pa
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         whole = (folder / "session.db").read_bytes()
         (folder / "session.db").write_bytes(b"no database at all" * 100)
-        await until(pilot, lambda: "damaged" in review.alert or "no session" in review.alert)
+        await until(
+            pilot, lambda: "damaged" in review.alert_words or "no session" in review.alert_words
+        )
         assert frame_shown(review) == 1  # what was shown stays
         (folder / "session.db").write_bytes(whole)
-        await until(pilot, lambda: not review.alert)
+        await until(pilot, lambda: not review.alert_words)
 
     play_review(folder, scene, LARGE)
 
@@ -529,7 +531,7 @@ def test_from_a_live_seat_the_past_is_opened_and_leaving_comes_back_to_the_prese
         await pilot.press("r")
         await pilot.pause()
         assert isinstance(app.screen, SessionListDialog)
-        await until(pilot, lambda: bool(app.screen.shown))
+        await until(pilot, lambda: bool(app.screen.matching_rows))
         await pilot.press("enter")
         await pilot.pause()
         review = reviewed(app)
@@ -570,7 +572,7 @@ def test_what_the_live_engine_raises_is_seen_over_a_review(wire: FakeWire):
         app.live.open_session(app.live.night.folder)
         await pilot.pause()
         review = reviewed(app)
-        assert review.alert == ""
+        assert review.alert_words == ""
         wire.status["faults"] = ["the disk is full"]
         wire.status["state"] = "LOST"
         await until(pilot, lambda: "LIVE: FAULT the disk is full" in text_of(review, "alert"))
@@ -661,14 +663,17 @@ async def asked(pilot: Pilot[str]) -> SessionListDialog:
 
 async def listed(review: ReviewScreen, pilot: Pilot[str]) -> SessionListDialog:
     dialog = await asked(pilot)
-    await until(pilot, lambda: bool(dialog.shown) and all(each.state for each in dialog.shown))
+    await until(
+        pilot,
+        lambda: bool(dialog.matching_rows) and all(each.state for each in dialog.matching_rows),
+    )
     return dialog
 
 
 def test_without_a_session_the_list_is_asked_and_shows_what_each_is(root: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         dialog = await listed(review, pilot)
-        states = {each.name: (each.is_branch, each.state) for each in dialog.shown}
+        states = {each.name: (each.is_branch, each.state) for each in dialog.matching_rows}
         assert states == {
             "20240301-ses-10": (False, "closed"),
             "20240302-intelsat": (False, "closed"),
@@ -676,12 +681,12 @@ def test_without_a_session_the_list_is_asked_and_shows_what_each_is(root: Path):
             "20240303-cut": (False, "cut off"),
             "20240304-damaged": (False, "damaged"),
         }
-        names = [each.name for each in dialog.shown]
+        names = [each.name for each in dialog.matching_rows]
         assert names.index("larger-q") == names.index("20240302-intelsat") + 1
         text = dialog.query_one("#rows", LinesPane).text
         assert "└ larger-q" in text
         await pilot.press(*"ses 10")
-        assert [each.name for each in dialog.shown] == ["20240301-ses-10"]
+        assert [each.name for each in dialog.matching_rows] == ["20240301-ses-10"]
         await pilot.press("enter")
         await until(pilot, lambda: review.timeline.is_whole and is_there(review))
         assert review.folder == root / "20240301-ses-10"
@@ -694,7 +699,7 @@ def test_from_a_review_another_session_or_a_branch_is_opened(root: Path):
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
         await pilot.press("K", "r")
         dialog = await listed(review, pilot)
-        assert dialog.shown[dialog._at].folder == review.folder
+        assert dialog.matching_rows[dialog._at].folder == review.folder
         await pilot.press(*"larger", "enter")
         await until(pilot, lambda: len(review.timeline.frames) == 8 and is_there(review))
         assert review.folder.name == "larger-q"

@@ -13,17 +13,23 @@ from hypothesis import strategies as st
 
 from rsoconsole.console import parse_place
 from rsoconsole.console.timeline import moments as moments_module
-from rsoconsole.console.timeline.lines import FILLS, SIGNS, Place, cell_end_utc_ns, timeline_lines
-from rsoconsole.console.timeline.moments import Moments
+from rsoconsole.console.timeline.lines import (
+    FILLS,
+    SIGNS,
+    TimelineMarks,
+    cell_end_utc_ns,
+    timeline_lines,
+)
+from rsoconsole.console.timeline.moments import MomentReader
 from rsoconsole.console.timeline.timeline import (
     SPEEDS,
-    FrameMark,
+    FrameStart,
     Player,
-    StateMark,
+    StateStart,
     Timeline,
     TimelineEvent,
     TypedPlace,
-    seq_of,
+    typed_place_seq,
 )
 from rsoconsole.console.watches.watch import SessionWatch
 from rsoconsole.night import Night, NightFrame, NightView
@@ -43,13 +49,13 @@ def eventful(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def opened(folder: Path) -> Moments:
+def opened(folder: Path) -> MomentReader:
     reader = SessionReader(folder)
-    return Moments(reader, reader.about(), reader.config())
+    return MomentReader(reader, reader.read_meta(), reader.config())
 
 
 @pytest.fixture(scope="module")
-def read(eventful: Path) -> Moments:
+def read(eventful: Path) -> MomentReader:
     moments = opened(eventful)
     assert moments.read_for(60.0)
     return moments
@@ -58,11 +64,11 @@ def read(eventful: Path) -> Moments:
 def folded(folder: Path, seqs: Collection[int]) -> dict[int, tuple[NightView, NightFrame]]:
     """What one fold of the log from its beginning, as the live seat's, has at these places."""
     reader = SessionReader(folder)
-    night = Night(folder, reader.about(), reader.config())
+    night = Night(folder, reader.read_meta(), reader.config())
     night.mark_past_read()
     seen = {}
     for at, t_utc_ns, record in reader.records():
-        night.take(t_utc_ns, record, at)
+        night.fold_record(t_utc_ns, record, at)
         if at in seqs:
             view = night.view()
             number = view.frame.frame_id if view.frame is not None else 0
@@ -73,7 +79,7 @@ def folded(folder: Path, seqs: Collection[int]) -> dict[int, tuple[NightView, Ni
 # -- moments ------------------------------------------------------------------------------------
 
 
-def test_any_moment_is_the_fold_of_the_log_up_to_it(eventful: Path, read: Moments):
+def test_any_moment_is_the_fold_of_the_log_up_to_it(eventful: Path, read: MomentReader):
     kinds = {type(record) for _, _, record in SessionReader(eventful).records()}
     assert {Ruling, FollowedAgain} <= kinds  # what changes earlier rows is in the log
     last = read.timeline().last_seq
@@ -87,7 +93,7 @@ def test_any_moment_is_the_fold_of_the_log_up_to_it(eventful: Path, read: Moment
 
 
 def test_a_ruling_changes_an_earlier_frame_only_from_its_own_moment_on(
-    eventful: Path, read: Moments
+    eventful: Path, read: MomentReader
 ):
     ruled_at = next(
         (seq, record.frame_id)
@@ -98,7 +104,7 @@ def test_a_ruling_changes_an_earlier_frame_only_from_its_own_moment_on(
     def row(at: int):
         return next(row for row in read.at(at).view.rows if row.frame_id == frame_id)
 
-    end = read.timeline().frame_end_seq(read.timeline().index_of(seq))
+    end = read.timeline().frame_end_seq(read.timeline().frame_index(seq))
     assert row(seq - 1).is_followed
     assert row(seq - 1).miss is None
     assert not row(end).is_followed
@@ -169,7 +175,7 @@ def test_what_has_not_been_read_yet_is_shown_from_near_before_and_said_to_be_so(
     assert {line.seq for line in partly.view.log} <= {line.seq for line in whole.view.log}
 
 
-def test_a_frame_without_a_picture_gets_no_other_frames_picture(read: Moments):
+def test_a_frame_without_a_picture_gets_no_other_frames_picture(read: MomentReader):
     timeline = read.timeline()
     assert read.at(timeline.frame_end_seq(101 - 1)).picture is not None
     assert read.at(timeline.frame_end_seq(101 - 1)).picture.frame_id == 101
@@ -222,9 +228,9 @@ def test_a_damaged_record_is_an_alarm_in_its_place_and_the_rest_is_there(tmp_pat
 # -- the time line ------------------------------------------------------------------------------
 
 
-def frames_at(*times_s: float) -> tuple[FrameMark, ...]:
+def frames_at(*times_s: float) -> tuple[FrameStart, ...]:
     """Frames of ten records each, at these seconds."""
-    return tuple(FrameMark(10 * n, round(t * NS) + NS, n) for n, t in enumerate(times_s, start=1))
+    return tuple(FrameStart(10 * n, round(t * NS) + NS, n) for n, t in enumerate(times_s, start=1))
 
 
 THREE = Timeline(
@@ -234,7 +240,7 @@ THREE = Timeline(
         TimelineEvent(25, NS, "note"),
         TimelineEvent(36, NS, "miss"),
     ),
-    states=(StateMark(2, NS, "SEARCH"), StateMark(20, 31 * NS, "TRACK")),
+    states=(StateStart(2, NS, "SEARCH"), StateStart(20, 31 * NS, "TRACK")),
     first_utc_ns=NS,
     last_utc_ns=91 * NS,
     last_seq=40,
@@ -257,13 +263,13 @@ def test_a_step_goes_from_frames_end_to_frames_end():
 def test_a_jump_goes_to_where_the_event_is_seen_and_never_stays():
     kinds = ("miss", "note")
     miss = THREE.next_event(0, kinds, is_on=True)
-    assert THREE.moment_of(miss) == 19  # a miss: with all that its frame led to
+    assert THREE.moment_seq(miss) == 19  # a miss: with all that its frame led to
     note = THREE.next_event(19, kinds, is_on=True)
-    assert THREE.moment_of(note) == 25  # a note: when it was made
-    assert THREE.moment_of(THREE.next_event(25, kinds, is_on=True)) == 40
+    assert THREE.moment_seq(note) == 25  # a note: when it was made
+    assert THREE.moment_seq(THREE.next_event(25, kinds, is_on=True)) == 40
     assert THREE.next_event(40, kinds, is_on=True) is None
-    assert THREE.moment_of(THREE.next_event(40, kinds, is_on=False)) == 25
-    assert THREE.moment_of(THREE.next_event(40, ("miss",), is_on=False)) == 19
+    assert THREE.moment_seq(THREE.next_event(40, kinds, is_on=False)) == 25
+    assert THREE.moment_seq(THREE.next_event(40, ("miss",), is_on=False)) == 19
     assert THREE.next_event(19, kinds, is_on=False) is None
 
 
@@ -277,7 +283,7 @@ def test_steps_stay_among_the_frames_and_go_the_way_they_are_meant(seq: int, by:
         assert there < seq or there == 19
 
 
-def test_every_kind_of_event_of_a_night_is_on_its_time_line(read: Moments):
+def test_every_kind_of_event_of_a_night_is_on_its_time_line(read: MomentReader):
     events = read.timeline().events
     count = {kind: sum(h.kind == kind for h in events) for kind in SIGNS}
     refused = [n for n in range(1, FRAMES + 1) if n % eventful_night.REFUSALS == 0]
@@ -291,7 +297,7 @@ def test_every_kind_of_event_of_a_night_is_on_its_time_line(read: Moments):
 
 
 def test_the_time_line_shows_states_as_words_events_as_signs_and_where_one_is():
-    place = Place(seq=40, words=("frame 2 of 3", "paused"))
+    place = TimelineMarks(seq=40, words=("frame 2 of 3", "paused"))
     ticks, strip, words = [
         "".join(t for t, _ in line) for line in timeline_lines(THREE, place, 66, 3)
     ]
@@ -310,7 +316,7 @@ def test_the_time_line_shows_states_as_words_events_as_signs_and_where_one_is():
 @given(st.integers(1, 220), st.integers(1, 3), st.integers(0, 45))
 @settings(max_examples=60)
 def test_the_time_line_fits_any_width_and_always_says_where_one_is(width: int, rows: int, seq: int):
-    place = Place(seq=seq, words=("frame 2 of 3", "00:00:31Z", "paused ×30"))
+    place = TimelineMarks(seq=seq, words=("frame 2 of 3", "00:00:31Z", "paused ×30"))
     lines = ["".join(t for t, _ in line) for line in timeline_lines(THREE, place, width, rows)]
     assert len(lines) == rows
     assert all(len(line) <= width for line in lines)
@@ -320,11 +326,11 @@ def test_the_time_line_fits_any_width_and_always_says_where_one_is(width: int, r
 
 
 def test_no_two_signs_of_the_time_line_are_the_same_not_even_in_ascii():
-    from rsoconsole.console.drawing.plain import plain
+    from rsoconsole.console.drawing.plain import to_ascii
 
-    assert len({plain(sign) for sign in SIGNS.values()}) == len(SIGNS)
+    assert len({to_ascii(sign) for sign in SIGNS.values()}) == len(SIGNS)
     lasting = {
-        plain(fill)
+        to_ascii(fill)
         for state, (fill, _) in FILLS.items()
         if state in {"TRACK", "COAST", "SEARCH", "ACQUIRE", "MANUAL"}
     }
@@ -355,7 +361,7 @@ def test_a_click_on_a_cell_goes_to_a_time_within_it(columns: int, share: float):
     ],
 )
 def test_a_frame_or_a_time_is_understood(text: str, typed: int):
-    assert seq_of(parse_place(text), THREE) == typed
+    assert typed_place_seq(parse_place(text), THREE) == typed
 
 
 @pytest.mark.parametrize("text", ["", "frame", "25:00", "03:61", "-3", "1.5", "2024-13-01T00:00"])
@@ -367,19 +373,19 @@ def test_what_is_neither_is_said_to_be_neither(text: str):
 @pytest.mark.parametrize("text", ["7", "12:00", "2020-01-01T00:00"])
 def test_what_the_night_does_not_have_is_refused_with_what_it_has(text: str):
     with pytest.raises(ValueError, match=r"frames are 1 to 3|goes from 00:00:01Z to 00:01:31Z"):
-        seq_of(parse_place(text), THREE)
+        typed_place_seq(parse_place(text), THREE)
 
 
 def test_a_night_over_midnight_has_its_times_on_both_days():
     day = 86400 * NS
     late = Timeline(
-        frames=(FrameMark(1, 23 * 3600 * NS, 1), FrameMark(5, day + 3 * 3600 * NS, 2)),
+        frames=(FrameStart(1, 23 * 3600 * NS, 1), FrameStart(5, day + 3 * 3600 * NS, 2)),
         first_utc_ns=23 * 3600 * NS,
         last_utc_ns=day + 4 * 3600 * NS,
         last_seq=9,
     )
-    assert seq_of(parse_place("23:30"), late) == 4
-    assert seq_of(parse_place("03:30"), late) == 9
+    assert typed_place_seq(parse_place("23:30"), late) == 4
+    assert typed_place_seq(parse_place("03:30"), late) == 9
     assert parse_place("2024-03-01 03:14") == parse_place("2024-03-01T03:14Z")
     assert isinstance(parse_place("128"), TypedPlace)
 
@@ -438,4 +444,4 @@ def test_a_session_without_frames_has_a_time_line_all_the_same(tmp_path: Path):
     assert not timeline.frames
     assert timeline.step(0, 1) is None
     assert moments.at(timeline.last_seq).view.state == "SEARCH"
-    assert timeline_lines(timeline, Place(seq=1), 80, 3)
+    assert timeline_lines(timeline, TimelineMarks(seq=1), 80, 3)

@@ -53,7 +53,10 @@ async def sessions(review: ReviewScreen, pilot: Pilot[str]) -> None:
     await until(pilot, lambda: isinstance(pilot.app.screen, SessionListDialog))
     dialog = pilot.app.screen
     assert isinstance(dialog, SessionListDialog)
-    await until(pilot, lambda: bool(dialog.shown) and all(each.state for each in dialog.shown))
+    await until(
+        pilot,
+        lambda: bool(dialog.matching_rows) and all(each.state for each in dialog.matching_rows),
+    )
 
 
 STATES: dict[str, Act] = {"moment": moment, "compare": compare, "log": log, "sessions": sessions}
@@ -110,10 +113,10 @@ def test_without_signs_beyond_ascii_the_time_line_tells_as_much(root: Path, impa
     from rsoconsole.config import ConsoleConfig
 
     async def scene(review: ReviewScreen, pilot: Pilot[str]) -> None:
-        from rsoconsole.console.drawing.plain import plain
+        from rsoconsole.console.drawing.plain import to_ascii
         from rsoconsole.console.panes.panes import LinesPane
 
-        text = plain(review.query_one("#timeline", LinesPane).text)
+        text = to_ascii(review.query_one("#timeline", LinesPane).text)
         assert text.isascii()
         assert "TRACK-" in text
         assert "|" in text

@@ -14,7 +14,7 @@ import pytest
 from rsoconsole.records import OperatorAction, StateChange
 from rsoconsole.simulator import start_observatory
 from rsoconsole.simulator.launch import Observatory
-from rsoconsole.simulator.server import ObservatorySettings, ObservatoryStage
+from rsoconsole.simulator.server import ObservatorySettings, ObservatorySetup
 from tests.children.relay import Relay
 from tests.rigs.stub_stage import open_plain
 from tests.rigs.terminal import Terminal
@@ -102,7 +102,7 @@ def _track_id(engine: WholeEngine) -> Any:
     return [r.track_id for _, _, r in engine.reader.records(kinds=(TrackState,))][-1]
 
 
-def open_near_the_pole(settings: ObservatorySettings) -> ObservatoryStage:
+def open_near_the_pole(settings: ObservatorySettings) -> ObservatorySetup:
     """Above every limit at any hour."""
     return dataclasses.replace(open_plain(settings), start_dec_icrs_deg=85.0)
 

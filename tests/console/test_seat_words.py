@@ -15,10 +15,10 @@ from rsoconsole.console.actions.mark_actions import late_mark_reason
 from rsoconsole.console.actions.second_press import WITHIN_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plot import Line
-from rsoconsole.console.night.engine_view import EngineView, engine_view
-from rsoconsole.console.panes.last_line import keys_for
+from rsoconsole.console.night.engine_view import EngineView, read_engine_view
+from rsoconsole.console.panes.last_line import live_keys
 from rsoconsole.console.watches.messages import StopNewsCame
-from rsoconsole.console.words.facts import fact_lines
+from rsoconsole.console.words.facts import figure_lines
 from rsoconsole.console.words.leaving import coast_words, kept_words
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.control import Outcome, StopNews
@@ -26,7 +26,7 @@ from rsoconsole.engine.aim.states import Taken
 from rsoconsole.night import FollowedTrack, FrameRow, Night, NightView
 from rsoconsole.pipeline import Reduction
 from rsoconsole.records import Frame
-from rsoconsole.words import clock
+from rsoconsole.words import utc_text
 from tests.makers import NS
 from tests.nights.made_up_night import state_of, t_of
 from tests.rigs.engine_rig import CONFIG, Rig, asked, command_handler_of, rig
@@ -54,7 +54,7 @@ def plain(lines: list[Line]) -> list[str]:
 
 def tracking(**other: object) -> EngineView:
     told = {"state": "TRACK", "holder": "autonomy", "now_utc_ns": NOW}
-    return engine_view(told | other)
+    return read_engine_view(told | other)
 
 
 # -- the first line -------------------------------------------------------------------------------
@@ -96,10 +96,10 @@ def test_what_is_kept_says_for_how_long(left_s: float, words: str):
     until = NOW + round(left_s * NS)
     for resumable in (True, False):
         told = STOPPED | {"kept_until_utc_ns": until, "is_resumable": resumable}
-        said = kept_words(engine_view(told), {}, NOW)
+        said = kept_words(read_engine_view(told), {}, NOW)
         assert said[0] == f"INTELSAT 14 kept for {words} more: u follows it again"
         assert [len(each) for each in said] == sorted((len(each) for each in said), reverse=True)
-    assert kept_words(engine_view(STOPPED), {"undo": "f5"}, NOW)[0] == (
+    assert kept_words(read_engine_view(STOPPED), {"undo": "f5"}, NOW)[0] == (
         "INTELSAT 14 kept: f5 follows it again"
     )
 
@@ -126,10 +126,10 @@ def test_after_a_stop_one_key_arms_and_follows_again(wire: FakeWire, key: str):
 
 def test_the_operators_turn_shows_both_keys_that_give_it_back():
     engine = tracking(state="MANUAL", holder="operator", kept="INTELSAT 14", is_resumable=True)
-    keys = [each[:2] for each in keys_for(engine, can_act=True)]
+    keys = [each[:2] for each in live_keys(engine, can_act=True)]
     assert ("u", "Follow again") in keys
     assert ("h", "Give back") in keys
-    stopped = [each.name for each in keys_for(engine_view(STOPPED), can_act=True)]
+    stopped = [each.name for each in live_keys(read_engine_view(STOPPED), can_act=True)]
     assert "Give back" not in stopped  # nobody has it
 
 
@@ -342,7 +342,7 @@ def with_coast_s(seconds: float) -> Config:
 def night_of(r: Rig) -> NightView:
     night = Night(Path("night"), {}, CONFIG)
     for record in r.memory.records:
-        night.take(r.clock.t_utc_ns, record)
+        night.fold_record(r.clock.t_utc_ns, record)
     return night.view()
 
 
@@ -352,7 +352,7 @@ def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
     r.engine.arm()
     r.engine.run(frames=5)
     assert coast_words(night_of(r), r.clock.t_utc_ns) == ""
-    seen_ns = r.engine.following.taken.t_mid_utc_ns
+    seen_ns = r.engine.following.lead_measured.t_mid_utc_ns
     left: dict[int, int] = {}
     for frame in range(6, 80):
         r.engine.run(frames=frame)
@@ -360,7 +360,7 @@ def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
         if view.state != "COAST":
             break
         seen, coasted, end = coast_words(view, now).split(" · ")
-        assert seen.startswith(f"last seen {clock(seen_ns)}, ")
+        assert seen.startswith(f"last seen {utc_text(seen_ns)}, ")
         # The rig's plates say the pole: no frame of theirs has it in its field.
         assert coasted.startswith(f"coasted {frame - 5}, {frame - 5} not pointed at it")
         found = re.fullmatch(r"given up after (\d+) more", end)
@@ -378,21 +378,21 @@ def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
 def test_a_coast_that_ends_by_time_says_so():
     view = dataclasses.replace(COASTING, config=with_coast_s(120.0))
     assert coast_words(view, NOW) == (
-        f"last seen {clock(SEEN)}, 60 s ago · coasted 2 · given up after 3 more"
+        f"last seen {utc_text(SEEN)}, 60 s ago · coasted 2 · given up after 3 more"
     )
     long = coast_words(dataclasses.replace(COASTING, config=CONFIG), NOW + 600 * NS)
-    end = clock(SEEN + round(CONFIG.filter.max_coast_s * NS))
+    end = utc_text(SEEN + round(CONFIG.filter.max_coast_s * NS))
     assert long.endswith(f"11 min ago · coasted 2 · given up by {end}")
     assert coast_words(dataclasses.replace(COASTING, config=None), None) == (
-        f"last seen {clock(SEEN)} · coasted 2"
+        f"last seen {utc_text(SEEN)} · coasted 2"
     )
 
 
 def test_the_coast_s_words_come_first_in_the_line_on_the_motion():
     engine = tracking(state="COAST", ra=150.0, dec=-5.0)
     for size in ((80, 3), (120, 5)):
-        rows = plain(fact_lines(COASTING, engine, None, *size))
-        assert rows[1].startswith(f" last seen {clock(SEEN)}, 60 s ago · coasted 2 · given up")
+        rows = plain(figure_lines(COASTING, engine, None, *size))
+        assert rows[1].startswith(f" last seen {utc_text(SEEN)}, 60 s ago · coasted 2 · given up")
 
 
 def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork():
@@ -402,24 +402,24 @@ def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork(
 
     def said(after_s: float) -> str:
         engine = tracking(**told | {"now_utc_ns": NOW + round(after_s * NS)})
-        return " ".join(plain(fact_lines(night, engine, None, 120, 5)))
+        return " ".join(plain(figure_lines(night, engine, None, 120, 5)))
 
     assert "predicted α 10:00:00.0" in said(0.0)
     assert "predicted α 10:01:00.2" in said(60.0)  # as the stars go by in a minute
     assert "as of" not in said(60.0)
     old = said(400.0)
-    assert f"last α 10:00:00.0 δ -05:00:00  as of {clock(NOW, zone='')}" in old
-    assert "as of " + clock(NOW, zone="") in old.partition("3σ")[2]
+    assert f"last α 10:00:00.0 δ -05:00:00  as of {utc_text(NOW, zone='')}" in old
+    assert "as of " + utc_text(NOW, zone="") in old.partition("3σ")[2]
     assert "prediction 3σ" in said(60.0)
 
 
 def test_what_is_followed_again_is_not_said_to_be_nothing():
     engine = tracking(state="COAST", ra=150.0, dec=-5.0)
-    said = " ".join(plain(fact_lines(NightView(state="MANUAL"), engine, None, 120, 5)))
+    said = " ".join(plain(figure_lines(NightView(state="MANUAL"), engine, None, 120, 5)))
     assert "followed again: its first frame is to come" in said
     at_rest = tracking(state="IDLE", holder="nobody")
     assert "nothing is followed" in " ".join(
-        plain(fact_lines(NightView(state="IDLE"), at_rest, None, 120, 5))
+        plain(figure_lines(NightView(state="IDLE"), at_rest, None, 120, 5))
     )
 
 
@@ -467,7 +467,7 @@ def test_a_plate_solution_says_where_the_frame_looks_beside_the_mount_s_word():
     by_hand = {"state": "MANUAL", "holder": "operator", "mount_ra": 150.0, "mount_dec": -5.1}
     solved = "solved RA 10:00:00.0 Dec -05:00:00 (0007)"
     for size in ((80, 3), (120, 5), (60, 14)):
-        said = " ".join(plain(fact_lines(night, tracking(**by_hand), None, *size)))
+        said = " ".join(plain(figure_lines(night, tracking(**by_hand), None, *size)))
         assert solved in said
         assert ("6.0′ from the mount's word" in said) == (size[0] > 80 or size[1] > 3)
         assert "mount RA 10:00:00.0 Dec -05:06:00" in said
@@ -476,10 +476,10 @@ def test_a_plate_solution_says_where_the_frame_looks_beside_the_mount_s_word():
         NightView(),
     ):
         assert "solved RA" not in " ".join(
-            plain(fact_lines(stale, tracking(**by_hand), None, 120, 5))
+            plain(figure_lines(stale, tracking(**by_hand), None, 120, 5))
         )
     slewing = tracking(**by_hand | {"is_slewing": True})
-    assert "solved RA" not in " ".join(plain(fact_lines(night, slewing, None, 120, 5)))
+    assert "solved RA" not in " ".join(plain(figure_lines(night, slewing, None, 120, 5)))
 
 
 # -- a mark that comes too late -------------------------------------------------------------------

@@ -8,25 +8,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsoconsole.console.drawing.pane_layout import sheet_boxes
+from rsoconsole.console.drawing.pane_layout import frame_screen_boxes
 from rsoconsole.console.frame._sheet_marks import box_points
-from rsoconsole.console.picture.marks import Mark, Window, overlay
+from rsoconsole.console.picture.marks import Mark, Window, mark_characters
 from rsoconsole.console.picture.picture import FLOOR, STRETCHES
 from rsoconsole.console.picture.sheet_pixels import (
     CLOSEST,
-    SheetPixels,
+    FramePixelPyramid,
     ZoomedFrame,
     block_means,
-    map_shares,
+    map_brightness,
     map_snr,
-    whole,
+    whole_frame_view,
 )
 from rsoconsole.vision import FrameMap, make_map
 from tests.drawn.drawn_light import sky_with, streak
 
 SIDES = st.integers(64, 5000)
 views = st.builds(
-    lambda w, h, c, r, x, y, zooms: _zoomed(whole(w, h, c, r).at(x * w, y * h), zooms),
+    lambda w, h, c, r, x, y, zooms: _zoomed(whole_frame_view(w, h, c, r).at(x * w, y * h), zooms),
     SIDES,
     SIDES,
     st.integers(1, 220),
@@ -100,7 +100,7 @@ def test_the_cross_stays_in_the_frame(view: ZoomedFrame, across: float, down: fl
 
 
 def test_one_square_to_the_right_is_one_pixel_where_a_square_is_one():
-    view = _zoomed(whole(4656, 3520, 80, 20).at(1969, 1765), 12).zoomed(1).zoomed(1)
+    view = _zoomed(whole_frame_view(4656, 3520, 80, 20).at(1969, 1765), 12).zoomed(1).zoomed(1)
     assert view.zoom == 0
     moved = view.moved(1, 0)
     assert (moved.x_px, moved.y_px) == (1970, 1765)
@@ -108,7 +108,7 @@ def test_one_square_to_the_right_is_one_pixel_where_a_square_is_one():
 
 
 def test_the_cross_is_in_the_middle_where_the_frame_goes_on():
-    view = _zoomed(whole(4656, 3520, 80, 20).at(1969, 1765), 5)
+    view = _zoomed(whole_frame_view(4656, 3520, 80, 20).at(1969, 1765), 5)
     assert view.zoom is not None
     assert view.window.cell(1969, 1765) == (40, 10)
 
@@ -118,12 +118,12 @@ def test_in_another_terminal_the_cross_is_where_it_was(view: ZoomedFrame, column
     other = view.resized(columns, rows)
     assert (other.x_px, other.y_px) == (view.x_px, view.y_px)
     assert other.window.has(*other.window.cell(other.x_px, other.y_px))
-    assert other.zoom is None or other.zoom <= other.farthest
+    assert other.zoom is None or other.zoom <= other.farthest_zoom
 
 
 @pytest.mark.parametrize(("wide_px", "high_px", "zoom"), [(120, 4, 1), (30, 30, 0), (4, 200, 3)])
 def test_a_streak_is_shown_whole_and_as_near_as_it_fits(wide_px: float, high_px: float, zoom: int):
-    view = whole(4656, 3520, 80, 20).at(2000, 1700).zoomed_to_fit(wide_px, high_px)
+    view = whole_frame_view(4656, 3520, 80, 20).at(2000, 1700).zoomed_to_fit(wide_px, high_px)
     assert view.zoom == zoom
     assert view.window.width_px >= wide_px
     assert view.window.height_px >= high_px
@@ -173,9 +173,9 @@ def test_a_bright_pixel_shines_in_its_own_square_at_every_scale(look: dict[str, 
     pixels = np.random.default_rng(1).normal(700, 5, (height, width)).astype(np.uint16)
     at_x, at_y = int(look["at"][0] * (width - 1)), int(look["at"][1] * (height - 1))
     pixels[at_y, at_x] = 65000
-    view = _zoomed(whole(width, height, *look["room"]).at(at_x, at_y), zooms)
+    view = _zoomed(whole_frame_view(width, height, *look["room"]).at(at_x, at_y), zooms)
     window = view.window
-    shares = SheetPixels(pixels).shares(window, look["stretch"], finer, 2 * finer)
+    shares = FramePixelPyramid(pixels).shares(window, look["stretch"], finer, 2 * finer)
     assert shares.shape == (2 * window.rows * finer, window.columns * finer)
     rows_px, columns_px = (
         window.height_px / shares.shape[0],
@@ -196,7 +196,7 @@ def test_a_bright_pixel_shines_in_its_own_square_at_every_scale(look: dict[str, 
 
 
 def test_what_lies_beyond_the_edge_is_darker_than_any_sky():
-    pixels = SheetPixels(np.random.default_rng(1).normal(700, 5, (65, 70)).astype(np.uint16))
+    pixels = FramePixelPyramid(np.random.default_rng(1).normal(700, 5, (65, 70)).astype(np.uint16))
     window = Window(x0_px=-0.5, y0_px=-0.5, width_px=80.0, height_px=80.0, columns=10, rows=5)
     shares = pixels.shares(window, "asinh")
     assert (shares[:, 9] < FLOOR).all()
@@ -206,16 +206,16 @@ def test_what_lies_beyond_the_edge_is_darker_than_any_sky():
 
 def test_the_light_is_that_of_the_pixel():
     pixels = np.arange(100 * 90, dtype=np.uint16).reshape(100, 90)
-    sheet = SheetPixels(pixels)
-    assert sheet.adu(12.4, 33.6) == pixels[34, 12]
-    assert sheet.adu(-3.0, 500.0) == pixels[99, 0]
+    sheet = FramePixelPyramid(pixels)
+    assert sheet.pixel_adu(12.4, 33.6) == pixels[34, 12]
+    assert sheet.pixel_adu(-3.0, 500.0) == pixels[99, 0]
 
 
 def test_a_faint_streak_stands_out_of_the_noise_pixel_by_pixel_and_from_afar():
     x, y, flux = streak(200.0, 180.0, 10.0, 120.0, 2.5)
-    sheet = SheetPixels(sky_with((x, y, flux)))
+    sheet = FramePixelPyramid(sky_with((x, y, flux)))
     for zoom, rows in ((0, 25), (2, 25)):
-        view = whole(400, 400, 50, rows).at(200, 180)
+        view = whole_frame_view(400, 400, 50, rows).at(200, 180)
         view = ZoomedFrame(**{**_fields(view), "zoom": zoom})
         window = view.window
         shares = sheet.shares(window, "streaks")
@@ -241,14 +241,14 @@ def test_the_map_is_shown_cell_by_cell_as_it_is():
     values[7, 11] = 255
     frame_map = FrameMap(values=values, block=8, mode="fast", width_px=240, height_px=160)
     window = Window(x0_px=79.5, y0_px=47.5, width_px=24.0, height_px=16.0, columns=24, rows=8)
-    shares = map_shares(frame_map, window)
+    shares = map_brightness(frame_map, window)
     bright = np.argwhere(shares > 0.999)
     # Cell (7, 11) covers rows 56 to 63 and columns 88 to 95.
     assert (bright.min(axis=0) == (8, 8)).all()
     assert (bright.max(axis=0) == (15, 15)).all()
     afar = Window(x0_px=-0.5, y0_px=-0.5, width_px=240.0, height_px=160.0, columns=6, rows=2)
-    assert map_shares(frame_map, afar)[1, 2] > 0.999
-    assert (map_shares(frame_map, afar) > 0.999).sum() == 1
+    assert map_brightness(frame_map, afar)[1, 2] > 0.999
+    assert (map_brightness(frame_map, afar) > 0.999).sum() == 1
 
 
 def test_the_maps_word_at_a_place_is_in_sigmas():
@@ -267,7 +267,7 @@ def test_then_and_now_are_written_about_one_another():
     ends = ((10.0, 10.0), (20.0, 10.0))
     then = Mark(x_px=15, y_px=10, kind="followed", ends_px=ends, label=".97", gap=1)
     now = Mark(x_px=15, y_px=10, kind="now", ends_px=ends, label="=", is_outer=True)
-    cells = overlay((now, then), window)
+    cells = mark_characters((now, then), window)
     row = "".join(cells.get((column, 5), (" ", ""))[0] for column in range(40))
     assert row.strip() == "{[           ]}.97"
     assert cells[23, 6] == ("=", "now")
@@ -295,7 +295,7 @@ def test_a_boxs_outline_runs_along_its_sides():
 def test_parts_never_overlap_and_the_keys_are_always_there(
     width: int, height: int, has_status: bool, alert_rows: int, is_list_open: bool
 ):
-    boxes = sheet_boxes(
+    boxes = frame_screen_boxes(
         width, height, has_status=has_status, alert_rows=alert_rows, is_list_open=is_list_open
     )
     taken = np.zeros((height, width), int)

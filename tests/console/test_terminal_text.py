@@ -21,16 +21,16 @@ from rich.style import Style
 from textual.color import Color
 
 import rsoconsole.cli
-from rsoconsole.base import resource
+from rsoconsole.base import resource_path
 from rsoconsole.cli import main
-from rsoconsole.console.drawing.plain import CleanFilter, without_terminal_commands
+from rsoconsole.console.drawing.plain import ControlCharacterFilter, without_terminal_commands
 from tests.console.test_review_terminal import COMMAND, home, shown_after, wait_for
 from tests.nights.samples import SAMPLE
 from tests.rigs.terminal import Terminal
 
 __all__ = ["home"]
 
-BELT = resource("simulator", "data", "belt_20230622.tle")
+BELT = resource_path("simulator", "data", "belt_20230622.tle")
 EVIL = "\x1b]0;pwned\x07\x1b]52;c;cm0=\x07\x1b[31m\x9b31m\u202e\u2066\x00\r\nFORGED"
 """A title, the clipboard, a colour, one with a C1 control, turned text, and a line of its own."""
 
@@ -207,13 +207,13 @@ def test_nothing_is_printed_past_the_one_place():
 def test_a_line_of_the_screen_keeps_its_width_and_loses_its_commands():
     style = Style(color="red")
     line = [Segment(f"a{EVIL}b", style), Segment("\x1b[3;4H"), Segment("plain", style)]
-    cleaned = CleanFilter().apply(line, Color(0, 0, 0))
+    cleaned = ControlCharacterFilter().apply(line, Color(0, 0, 0))
     assert "".join(each.text for each in cleaned).isprintable() is False  # the cursor's own move
     assert cleaned[0].text.isprintable()
     assert cleaned[1:] == line[1:]
     assert Segment.get_line_length(cleaned[:1]) == Segment.get_line_length(line[:1])
     picture = Segment("\x1bPq#0\x1b\\", None, [(1, 2)])  # type: ignore[list-item]
-    assert CleanFilter().apply([picture], Color(0, 0, 0)) == [picture]
+    assert ControlCharacterFilter().apply([picture], Color(0, 0, 0)) == [picture]
 
 
 @pytest.mark.parametrize("sign", ["─", "█", "▘", "⣿", "±", "″", "\U0001cd00", "\U0010eeee\u0305"])

@@ -42,7 +42,7 @@ def words(night: Night, size: tuple[int, int], chosen: int | None = None) -> lis
 
 
 def numbers(night: Night) -> list[str]:
-    return [each.number for each in night.view().tracks]
+    return [each.number_text for each in night.view().tracks]
 
 
 def test_eight_tracks_are_read_in_the_narrowest_column():
@@ -87,10 +87,10 @@ def test_one_that_is_re_acquired_leaves_the_list_with_that_frame(lead: bool):
     night = Night(Path("again"), {}, None)
     for n in (1, 2, 3):
         for record in eight.story(n, since=1, lead=2, missed=(old,) if n == 3 else ()):
-            night.take(t_of(n), record)
+            night.fold_record(t_of(n), record)
             if isinstance(record, Miss):  # its streak was another's before: a new track takes it
                 new = replace(eight.state_of(n, old, "initial", is_lead=lead), replaces=old)
-                night.take(t_of(n), replace(new, track_id=9))
+                night.fold_record(t_of(n), replace(new, track_id=9))
     assert len(numbers(night)) == eight.COUNT
     assert f"{old}" not in {each.rstrip("*") for each in numbers(night)}
     assert ("9*" if lead else "9") in numbers(night)
@@ -101,9 +101,9 @@ def test_one_that_began_with_this_frame_is_on_trial_until_it_is_measured_once_mo
     night = Night(Path("trial"), {}, None)
     for n in (1, 2):
         for record in eight.story(n, since=1, tracks=(1, 2)):
-            night.take(t_of(n), record)
-        assert night.view().tracks[0].is_on_trial == (n == 1)
-        assert not night.view().tracks[1].is_on_trial  # the lead is looked for
+            night.fold_record(t_of(n), record)
+        assert night.view().tracks[0].is_tentative == (n == 1)
+        assert not night.view().tracks[1].is_tentative  # the lead is looked for
 
 
 def test_a_track_ends_with_its_loss_and_the_next_one_leads_where_it_was_the_lead():
@@ -113,26 +113,26 @@ def test_a_track_ends_with_its_loss_and_the_next_one_leads_where_it_was_the_lead
     lost = Missed(kind="no detection", lost=TrackLost(kind="left the field"))
     records[at] = Miss(frame_id=5, reason=lost, track_id=2)
     for record in records:
-        night.take(t_of(5), record)
+        night.fold_record(t_of(5), record)
     assert numbers(night) == ["1*", "3", "4", "5", "6", "7", "8"]
 
 
 def test_one_that_a_frame_does_not_speak_of_any_more_has_ended():
     night = eight.night_of_eight(4, missed=())
     for record in eight.story(5, since=1, tracks=(1, 2, 3)):
-        night.take(t_of(5), record)
+        night.fold_record(t_of(5), record)
     assert numbers(night) == ["1", "2*", "3"]
 
 
 def test_frames_that_are_followed_again_leave_what_they_come_to_and_no_more():
     night = eight.night_of_eight(6, missed=())
     for n in (5, 6):
-        night.take(t_of(6), FollowedAgain(frame_id=n))
+        night.fold_record(t_of(6), FollowedAgain(frame_id=n))
         for record in eight.frame(n, lead=7, missed=(3,)):
             if type(record).__name__ in {"TrackState", "Miss"}:
-                night.take(t_of(6), record)
+                night.fold_record(t_of(6), record)
     view = night.view()
-    assert [each.number for each in view.tracks if each.is_lead] == ["7*"]
+    assert [each.number_text for each in view.tracks if each.is_lead] == ["7*"]
     third = next(each for each in view.tracks if each.track_id == 3)
     assert [row.is_followed for row in third.rows] == [True] * 4 + [False] * 2
     assert [row.frame_id for row in third.rows] == [1, 2, 3, 4, 5, 6]
@@ -143,10 +143,10 @@ def test_frames_that_are_followed_again_leave_what_they_come_to_and_no_more():
 def test_what_ended_by_a_word_comes_back_with_the_word_to_follow_again(after, is_kept):
     night = eight.night_of_eight(4, missed=())
     cause = Cause(kind="disarmed", by="operator")
-    night.take(t_of(4), StateChange(frame_id=4, before="TRACK", after=after, reason=cause))
+    night.fold_record(t_of(4), StateChange(frame_id=4, before="TRACK", after=after, reason=cause))
     assert night.view().tracks == ()
     cause = Cause(kind="resumed", by="operator")
-    night.take(t_of(4), StateChange(frame_id=4, before=after, after="COAST", reason=cause))
+    night.fold_record(t_of(4), StateChange(frame_id=4, before=after, after="COAST", reason=cause))
     assert bool(night.view().tracks) == is_kept
 
 
@@ -162,7 +162,7 @@ def test_the_rows_of_a_track_are_bounded():
     night = Night(Path("long"), {}, None)
     for n in range(1, MAX_ROWS + 30):
         for record in eight.story(n, since=1, tracks=(1, 2)):
-            night.take(t_of(n), record)
+            night.fold_record(t_of(n), record)
     assert [len(each.rows) for each in night.view().tracks] == [MAX_ROWS] * 2
 
 
@@ -273,7 +273,7 @@ def test_what_only_the_ledger_knows_has_its_name_there():
     for sure, said in ((True, " UCT 7 "), (False, " UCT 7?")):
         unknown = replace(eight.name_of(FRAMES, 6, "no such name"), verdict="unknown")
         known = replace(unknown, ledger=replace(seen_before, is_sure=sure))
-        night.take(t_of(FRAMES), known)
+        night.fold_record(t_of(FRAMES), known)
         assert said in words(night, AT_80_X_24)[7]
 
 
@@ -281,7 +281,7 @@ def test_a_kept_track_says_so_in_the_list():
     night = eight.night_of_eight()
     for record in eight.frame(FRAMES + 1):
         is_fourth = isinstance(record, TrackState) and record.track_id == 4
-        night.take(t_of(FRAMES + 1), replace(record, is_kept=True) if is_fourth else record)
+        night.fold_record(t_of(FRAMES + 1), replace(record, is_kept=True) if is_fourth else record)
     said = words(night, AT_80_X_24, chosen=4)
     assert "+ kept" in said[0]
     assert "TRACK+" in next(line for line in said if line.startswith("▸"))
@@ -311,7 +311,7 @@ def test_a_line_of_the_log_says_whose_miss_it_is_where_several_are_followed():
     for n in range(1, 6):
         missed = {3: (3,), 4: (3, 5), 5: (5,)}.get(n, ())
         for record in eight.story(n, since=1, missed=missed):
-            night.take(t_of(n), record)
+            night.fold_record(t_of(n), record)
     assert log_of(night)[-1] == "tracks 3 5: miss: no detection x3"
 
 
@@ -319,7 +319,7 @@ def test_one_track_alone_needs_no_number_in_the_log():
     night = Night(Path("log"), {}, None)
     for n in range(1, 4):
         for record in eight.story(n, since=1, tracks=(2,), missed=(2,) if n > 1 else ()):
-            night.take(t_of(n), record)
+            night.fold_record(t_of(n), record)
     assert log_of(night)[-1] == "miss: no detection x2"
 
 
@@ -327,10 +327,10 @@ def test_the_leads_coast_does_not_hide_that_others_were_missed():
     night = Night(Path("log"), {}, None)
     for n in (1, 2):
         for record in eight.frame(n, missed=(2, 4) if n == 2 else ()):
-            night.take(t_of(n), record)
+            night.fold_record(t_of(n), record)
     cause = Cause(kind="missed", missed=Missed(kind="no detection"))
     change = StateChange(frame_id=2, before="TRACK", after="COAST", reason=cause)
-    night.take(t_of(2), change)
+    night.fold_record(t_of(2), change)
     assert log_of(night) == [
         "tracks 2 4: miss: no detection x1",
         "TRACK → COAST: no detection x1",
@@ -340,7 +340,7 @@ def test_the_leads_coast_does_not_hide_that_others_were_missed():
 def test_what_ends_one_of_several_tracks_says_which():
     night = Night(Path("log"), {}, None)
     for record in eight.story(1, since=1, tracks=(1, 2)):
-        night.take(t_of(1), record)
+        night.fold_record(t_of(1), record)
     lost = Missed(kind="no detection", lost=TrackLost(kind="not confirmed"))
-    night.take(t_of(2), Miss(frame_id=2, track_id=1, reason=lost))
+    night.fold_record(t_of(2), Miss(frame_id=2, track_id=1, reason=lost))
     assert night.log[-1].text.startswith("track 1: miss: no detection")

@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from rsoconsole.console.drawing.plain import plain
-from rsoconsole.console.drawing.track_marks import NumberedTrack, placed_numbers
-from rsoconsole.console.picture.marks import Window, marks_of, overlay
+from rsoconsole.console.drawing.plain import to_ascii
+from rsoconsole.console.drawing.track_marks import NumberedTrack, place_track_numbers
+from rsoconsole.console.picture.marks import Window, frame_marks, mark_characters
 from tests.nights import eight_tracks as eight
 from tests.nights.made_up_night import HEIGHT_PX, WIDTH_PX
 
@@ -27,7 +27,7 @@ def window(columns: int, rows: int) -> Window:
 
 def drawn(picture: Window, missed=(3,), frames: int = FRAMES) -> list[str]:
     night = eight.night_of_eight(frames, missed=missed)
-    cells = overlay(marks_of(night.frame(frames)), picture)
+    cells = mark_characters(frame_marks(night.frame(frames)), picture)
     return [
         "".join(cells.get((column, row), (" ", ""))[0] for column in range(picture.columns))
         for row in range(picture.rows)
@@ -39,7 +39,7 @@ def test_every_track_of_a_slot_has_its_number_in_the_field(size: tuple[int, int]
     said = drawn(window(*size))
     found = re.findall(r"○?\d+\*?", "\n".join(said))
     assert sorted(found) == sorted(["1", "2*", "○3", "4", "5", "6", "7", "8"])
-    letters = "\n".join(plain(line) for line in said)
+    letters = "\n".join(to_ascii(line) for line in said)
     assert "2*" in letters
     assert "o3" in letters
 
@@ -47,7 +47,7 @@ def test_every_track_of_a_slot_has_its_number_in_the_field(size: tuple[int, int]
 def test_from_near_each_number_stands_at_its_own_streak():
     near = Window(x0_px=1900.0, y0_px=1500.0, width_px=928.0, height_px=512.0, columns=116, rows=32)
     night = eight.night_of_eight(FRAMES, missed=())
-    cells = overlay(marks_of(night.frame(FRAMES)), near)
+    cells = mark_characters(frame_marks(night.frame(FRAMES)), near)
     for track in range(1, eight.COUNT + 1):
         column, row = near.cell(*eight.place_px(track))
         near_by = {
@@ -64,7 +64,7 @@ def test_no_number_lies_on_a_streak_or_beside_another_number():
         for n in range(1, 13)
     ]
     streaks = {(column, 5) for column in range(10, 15)}
-    cells = placed_numbers(crowd, (40, 12), {}, streaks)
+    cells = place_track_numbers(crowd, (40, 12), {}, streaks)
     assert not streaks & set(cells)
     runs: list[str] = []
     for row in range(12):
@@ -75,12 +75,12 @@ def test_no_number_lies_on_a_streak_or_beside_another_number():
 
 def test_a_track_outside_the_picture_has_no_number_in_it():
     outside = NumberedTrack(text="9", left=(50, 5), right=(51, 5), kind="coasted")
-    assert placed_numbers([outside], (40, 12), {}, set()) == {}
+    assert place_track_numbers([outside], (40, 12), {}, set()) == {}
 
 
 def test_where_one_is_followed_alone_the_picture_has_no_numbers():
     night = eight.night_of_eight(1)
     for n in range(2, 4):
         for record in eight.story(n, since=1, tracks=(2,)):
-            night.take(n, record)
-    assert not [mark for mark in marks_of(night.frame(3)) if mark.is_numbered]
+            night.fold_record(n, record)
+    assert not [mark for mark in frame_marks(night.frame(3)) if mark.is_numbered]

@@ -23,9 +23,9 @@ from rsoconsole.console.tuning.tuning_pane import (
     save_preset,
 )
 from rsoconsole.engine import TUNABLE
-from rsoconsole.night import as_recorded
+from rsoconsole.night import recorded_figures
 from rsoconsole.pipeline import what_if
-from rsoconsole.pipeline.replays.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import Miss, TrackState
 from rsoconsole.session import decode, encode
 from tests.rigs.engine_rig import rig
@@ -54,12 +54,12 @@ def test_every_setting_of_the_pane_may_be_set_on_a_running_engine():
     for tunable in TUNABLES:
         value = PRESENT[tunable.name]
         for by in (-1, 1):
-            with_setting(Config(), tunable.name, tunable.stepped(value, by))
+            with_setting(Config(), tunable.name, tunable.step_value(value, by))
 
 
 @given(st.sampled_from(TUNABLES), st.integers(-60, 60))
 def test_steps_stay_within_what_the_configuration_takes(tunable, by):
-    with_setting(Config(), tunable.name, tunable.stepped(PRESENT[tunable.name], by))
+    with_setting(Config(), tunable.name, tunable.step_value(PRESENT[tunable.name], by))
 
 
 def test_a_step_there_and_back_is_no_trial():
@@ -109,7 +109,7 @@ def test_log_likelihood_prefers_the_sigma_that_fits(night):
     assert now.log_likelihood_mean is not None
     assert absurd.log_likelihood_mean is not None
     assert now.log_likelihood_mean > absurd.log_likelihood_mean + 1.0
-    assert figures_of([]).log_likelihood_mean is None
+    assert track_figures([]).log_likelihood_mean is None
 
 
 def test_steps_at_a_bound_need_not_be_gone_back():
@@ -187,9 +187,9 @@ def test_the_pane_says_how_many_frames_its_figures_are_of(night):
 def test_only_the_last_frames_are_looked_at_where_that_is_asked(night):
     assert what_if(night, CONFIG, {}, last=10).frames == 10
     assert what_if(night, CONFIG, {}, last=10).misses == 0
-    assert figures_of([]).frames == 0
-    assert figures_of([]).residual_rms_arcsec is None
-    assert figures_of([]).is_nis_sound is None
+    assert track_figures([]).frames == 0
+    assert track_figures([]).residual_rms_arcsec is None
+    assert track_figures([]).is_nis_sound is None
 
 
 # -- kept by name -----------------------------------------------------------------------------
@@ -269,7 +269,7 @@ def test_what_a_tried_preset_does_not_ask_for_is_tried_no_longer():
 
 
 def test_the_effect_is_a_curve_and_says_which_way_is_better():
-    told = figures_of(())
+    told = track_figures(())
     now = replace(told, log_likelihood_mean=-1.0, nis_curve=(0.0, 2.0, None, 30.0))
     then = replace(told, log_likelihood_mean=-0.5, nis_curve=(0.0, 1.0, 1.0, 3.0))
     tuning = Tuning()
@@ -291,7 +291,7 @@ def test_the_curve_is_the_lead_s_innovations_frame_by_frame():
     r = rig(set(range(1, 8)))
     r.engine.arm()
     r.engine.run(frames=9)
-    curve = as_recorded(r.memory.records).nis_curve
+    curve = recorded_figures(r.memory.records).nis_curve
     nis = {s.frame_id: s.nis for s in r.memory.of(TrackState) if s.kind == "updated"}
     assert len(nis) > 3
     assert curve == tuple(nis.get(frame) for frame in range(1, 10))

@@ -16,7 +16,7 @@ from rsoconsole.console.dialogs.up_list import VisibleSatellitesDialog
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.control import Outcome
 from rsoconsole.orbits import parse_catalogue
-from rsoconsole.pipeline import visible_now
+from rsoconsole.pipeline import visible_satellites
 from rsoconsole.sky import iso_to_utc_ns
 from tests.console.test_console_actions import PREVIEW
 from tests.rigs.seat_rig import FakeWire, play, until
@@ -60,7 +60,7 @@ def test_a_low_satellite_is_up_for_minutes_as_skyfield_has_them():
     entries = parse_catalogue(with_checksums(LOW))
     begins = pass_begins()
     t_utc_ns = NOW + begins * 60 * 10**9
-    (up,) = visible_now(entries, SITE, t_utc_ns, LIMITS)
+    (up,) = visible_satellites(entries, SITE, t_utc_ns, LIMITS)
     a_hundredth_deg, five_seconds_min = 0.02, 5.0 / 60.0
     assert up.alt_deg == pytest.approx(altitudes_by_skyfield([begins])[0], abs=a_hundredth_deg)
     assert up.minutes_left is not None
@@ -69,7 +69,7 @@ def test_a_low_satellite_is_up_for_minutes_as_skyfield_has_them():
     before, after = altitudes_by_skyfield([sets - five_seconds_min, sets + five_seconds_min])
     assert before > 15.0 > after
     assert up.rate_arcsec_s > 500.0
-    later = visible_now(entries, SITE, t_utc_ns + 20 * 60 * 10**9, LIMITS)
+    later = visible_satellites(entries, SITE, t_utc_ns + 20 * 60 * 10**9, LIMITS)
     assert later == ()
 
 
@@ -78,15 +78,15 @@ def test_the_belt_stays_up_is_sorted_and_a_wall_hides_some_of_it():
     from rsoconsole.simulator import elements_path
 
     entries = read_catalogue([elements_path()])
-    found = visible_now(entries, SITE, NOW, LIMITS)
+    found = visible_satellites(entries, SITE, NOW, LIMITS)
     assert len(found) > 5
     assert [up.alt_deg for up in found] == sorted((up.alt_deg for up in found), reverse=True)
     intelsat = next(up for up in found if up.norad_id == 36097)
     assert intelsat.minutes_left is None
     assert (intelsat.alt_deg, intelsat.az_deg) == pytest.approx((38.06, 123.82), abs=0.05)
     wall = LimitsConfig(min_altitude_deg=15.0, horizon=((0, 0), (120, 45), (130, 45), (140, 0)))
-    assert 36097 not in {up.norad_id for up in visible_now(entries, SITE, NOW, wall)}
-    assert visible_now((), SITE, NOW, LIMITS) == ()
+    assert 36097 not in {up.norad_id for up in visible_satellites(entries, SITE, NOW, wall)}
+    assert visible_satellites((), SITE, NOW, LIMITS) == ()
 
 
 def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: FakeWire):
@@ -161,7 +161,7 @@ def test_what_cannot_be_computed_is_said_and_in_the_log(wire: FakeWire, monkeypa
     def broken(*_: object) -> None:
         raise ZeroDivisionError("no such night")
 
-    monkeypatch.setattr("rsoconsole.pipeline.visibility.passes.visible_now", broken)
+    monkeypatch.setattr("rsoconsole.pipeline.visibility.passes.visible_satellites", broken)
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})

@@ -9,9 +9,9 @@ from rsoconsole.control import (
     COMMANDS,
     Accept,
     AimOffset,
-    AnswerSeat,
+    AnswerControlRequest,
     Arm,
-    Choose,
+    ChooseStreak,
     Command,
     Goto,
     Hold,
@@ -19,12 +19,12 @@ from rsoconsole.control import (
     Nudge,
     Preview,
     Set,
+    SetTracking,
     Stop,
-    Track,
-    command_of,
     command_words,
+    make_command,
 )
-from rsoconsole.control.command import register
+from rsoconsole.control.command import register_command
 
 PLACE = {"ra_icrs_deg": 83.05, "dec_icrs_deg": -4.87}
 
@@ -47,22 +47,26 @@ OLDER: list[tuple[str, dict[str, Any], Command]] = [
     ),
     ("hold", {"until": "clear"}, Hold(until="clear")),
     ("hold", {"until": None}, Hold()),
-    ("track", {"on": False}, Track(is_on=False)),
-    ("track", {}, Track()),
+    ("track", {"on": False}, SetTracking(is_on=False)),
+    ("track", {}, SetTracking()),
     ("set", {"name": "detector.tau", "value": 0.2}, Set(name="detector.tau", value=0.2)),
     (
         "set",
         {"name": "filter.preset", "value": "paper", "frames": 5},
         Set(name="filter.preset", value="paper", frames=5),
     ),
-    ("choose", {"frame": 7, "x": 3.0, "y": 4.5}, Choose(frame_id=7, x_px=3.0, y_px=4.5)),
+    ("choose", {"frame": 7, "x": 3.0, "y": 4.5}, ChooseStreak(frame_id=7, x_px=3.0, y_px=4.5)),
     ("accept", {}, Accept()),
     (
         "mark",
         {"frame": 7, "x_a": 1.0, "y_a": 2.0, "x_b": 9.0, "y_b": 2.0, "sigma_px": 1.5},
         MarkByHand(frame_id=7, x_a_px=1.0, y_a_px=2.0, x_b_px=9.0, y_b_px=2.0, sigma_px=1.5),
     ),
-    ("answer_seat", {"gives": True, "to": "ann@tty1"}, AnswerSeat(gives=True, to="ann@tty1")),
+    (
+        "answer_seat",
+        {"gives": True, "to": "ann@tty1"},
+        AnswerControlRequest(gives=True, to="ann@tty1"),
+    ),
     ("stop", {"whatever": [1]}, Stop()),
     *((verb, {}, COMMANDS[verb]()) for verb in ("status", "disarm", "resume", "park", "unpark")),
     *((verb, {}, COMMANDS[verb]()) for verb in ("abort", "seek", "shutdown", "ask_seat")),
@@ -74,12 +78,12 @@ OLDER: list[tuple[str, dict[str, Any], Command]] = [
 def test_what_older_clients_send_is_the_command_that_it_was(
     verb: str, arguments: dict[str, Any], command: Command
 ):
-    assert command_of(verb, arguments) == command
+    assert make_command(verb, arguments) == command
 
 
 @pytest.mark.parametrize("command", [command for _, _, command in OLDER], ids=str)
 def test_a_command_comes_off_the_wire_as_it_went_on(command: Command):
-    assert command_of(command.verb, json.loads(json.dumps(command.arguments()))) == command
+    assert make_command(command.verb, json.loads(json.dumps(command.arguments()))) == command
 
 
 @pytest.mark.parametrize(
@@ -110,7 +114,7 @@ def test_what_is_no_command_is_said_to_be_none_in_words(
     verb: str, arguments: dict[str, Any], says: str
 ):
     with pytest.raises(ValueError, match=says):
-        command_of(verb, arguments)
+        make_command(verb, arguments)
 
 
 @pytest.mark.parametrize(
@@ -150,4 +154,4 @@ def test_what_each_verb_may_is_as_it_has_been():
 
 def test_a_verb_is_taken_once():
     with pytest.raises(ValueError, match="a command 'stop' already"):
-        register(Stop)
+        register_command(Stop)

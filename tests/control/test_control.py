@@ -29,12 +29,12 @@ from rsoconsole.control import (
     Sender,
     Set,
     Stop,
-    command_of,
+    make_command,
 )
 from rsoconsole.control import wire as control_wire
-from rsoconsole.control.record_lock import address_of
+from rsoconsole.control.record_lock import socket_address
 from rsoconsole.control.server import MAX_CONNECTIONS
-from rsoconsole.control.wire import sender_of
+from rsoconsole.control.wire import parse_sender
 
 
 def echo(request: Request) -> Outcome:
@@ -52,7 +52,7 @@ def path(tmp_path: Path) -> Path:
 def raw_wire(path: Path) -> Iterator[socket.socket]:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as wire:
         wire.settimeout(5)
-        wire.connect(str(address_of(path)))
+        wire.connect(str(socket_address(path)))
         yield wire
 
 
@@ -95,7 +95,7 @@ def test_the_sender_is_named(path: Path) -> None:
     [("console ana@pts/1", "console"), ("operator", "script"), ("consoles", "script")],
 )
 def test_a_sender_that_does_not_say_what_it_is_is_known_by_its_name(by: str, kind: str) -> None:
-    assert (sender_of(by).kind, sender_of(by).words) == (kind, by)
+    assert (parse_sender(by).kind, parse_sender(by).words) == (kind, by)
 
 
 def test_stop_is_handled_while_another_command_is_under_way(path: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_stop_gets_in_though_many_knock_before_it(
         return Outcome(ok=True)
 
     def knock(verb: str) -> None:
-        assert ControlClient(path).send(command_of(verb, {}), timeout_s=20.0).ok
+        assert ControlClient(path).send(make_command(verb, {}), timeout_s=20.0).ok
 
     with ControlServer(path, handler):
         threads = [
@@ -185,7 +185,7 @@ def test_a_handler_that_breaks_is_an_outcome_and_the_wire_stays(path: Path) -> N
 
     with ControlServer(path, broken):
         for verb in ("park", "stop"):
-            outcome = ControlClient(path).send(command_of(verb, {}))
+            outcome = ControlClient(path).send(make_command(verb, {}))
             assert not outcome.ok
             assert outcome.message == f"{verb}: the mount is on fire"
 
@@ -262,7 +262,7 @@ def test_a_second_engine_is_refused_and_the_first_goes_on(path: Path) -> None:
         first.send_signal(signal.SIGKILL)
         first.wait(10)
     # The dead engine left its socket behind.
-    assert address_of(path).exists()
+    assert socket_address(path).exists()
     with pytest.raises(ControlError, match="no engine is running"):
         ControlClient(path).send(AskStatus())
     with ControlServer(path, echo):
@@ -351,7 +351,7 @@ def test_a_path_too_long_for_a_socket_falls_back_to_a_short_one(
         monkeypatch.setattr("tempfile.tempdir", short)
         with ControlServer(long_path, echo):
             assert ControlClient(long_path).send(AskStatus()).ok
-            assert address_of(long_path).parent.stat().st_mode & 0o777 == 0o700
+            assert socket_address(long_path).parent.stat().st_mode & 0o777 == 0o700
 
 
 def test_a_fallback_folder_open_to_others_is_refused(
@@ -362,7 +362,7 @@ def test_a_fallback_folder_open_to_others_is_refused(
     folder.mkdir()
     folder.chmod(0o777)
     with pytest.raises(ControlError, match="not this user's own closed folder"):
-        address_of(tmp_path / ("observatory" * 12) / "engine.sock")
+        socket_address(tmp_path / ("observatory" * 12) / "engine.sock")
 
 
 @pytest.mark.parametrize(

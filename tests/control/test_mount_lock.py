@@ -21,7 +21,7 @@ from rsoconsole.control import (
     Request,
     engine_pid,
 )
-from rsoconsole.control.record_lock import engine_at, running_engines
+from rsoconsole.control.record_lock import running_engine_at, running_engines
 
 INDI = IndiConfig(host="observatory", port=7624, mount="EQMod Mount")
 SECOND = """
@@ -92,7 +92,7 @@ def test_the_lock_of_an_engine_that_was_killed_holds_nobody_out(path):
         first.wait(10)
     assert running_engines() == []
     with MountLock(INDI, path):
-        assert engine_at(path) is not None
+        assert running_engine_at(path) is not None
 
 
 @pytest.mark.parametrize("what", ["the folder", "the socket", "the state folder"])

@@ -4,7 +4,13 @@ import json
 from dataclasses import replace
 
 from rsoconsole.console.words.track_lines import neighbour_lines
-from rsoconsole.control import Status, field_words, nearest_first, read_status, status_json
+from rsoconsole.control import (
+    Status,
+    neighbours_and_missing_words,
+    read_status,
+    sort_by_separation,
+    status_json,
+)
 from rsoconsole.night import Night
 from tests.nights import eight_tracks as eight
 from tests.nights.made_up_night import t_of
@@ -20,8 +26,8 @@ def night_with_pairs(*unseen, **closest) -> Night:
         for one in range(1, 9)
         for other in range(one + 1, 9)
     ]
-    night.take(t_of(12), pairs_of(12, *pairs))
-    night.take(t_of(12), expected_of(12, *unseen))
+    night.fold_record(t_of(12), pairs_of(12, *pairs))
+    night.fold_record(t_of(12), expected_of(12, *unseen))
     return night
 
 
@@ -59,7 +65,7 @@ def test_where_there_is_room_the_missing_are_told_with_their_place_and_why():
 def test_a_track_that_no_catalogued_object_explains_is_named_so():
     night = night_with_pairs()
     unknown = replace(eight.name_of(12, 4, ""), verdict="unknown", matches=())
-    night.take(t_of(12), unknown)
+    night.fold_record(t_of(12), unknown)
     assert "not in the catalogue: track 4" in " ".join(words(night, (100, 30)))
     from rsoconsole.console.words.track_lines import track_name_words
 
@@ -78,8 +84,8 @@ def test_pairs_of_ended_tracks_are_gone_and_one_alone_has_no_neighbour():
     night = Night(eight.Path("one"), {}, None)
     for n in (1, 2):
         for record in eight.story(n, since=1, tracks=(1,), lead=1):
-            night.take(t_of(n), record)
-    night.take(t_of(2), pairs_of(2, pair_of(2, 1, 2)))
+            night.fold_record(t_of(n), record)
+    night.fold_record(t_of(2), pairs_of(2, pair_of(2, 1, 2)))
     assert "no two are followed" in words(night)[1]
 
 
@@ -88,7 +94,7 @@ def test_status_has_pairs_and_the_missing_over_the_wire_and_in_plain_lines():
     close = replace(pairs[0], is_close=True)
     dark = unseen_of("ASTRA 2C", is_lit=False)
     told = Status(
-        pairs=nearest_first([*pairs[1:], close]),
+        pairs=sort_by_separation([*pairs[1:], close]),
         unseen=(unseen_of(), dark),
         uncatalogued=(3,),
     )
@@ -96,11 +102,11 @@ def test_status_has_pairs_and_the_missing_over_the_wire_and_in_plain_lines():
     assert there.pairs == told.pairs
     assert there.unseen == told.unseen
     assert there.uncatalogued == (3,)
-    said = field_words(there.pairs, there.unseen, there.uncatalogued)
+    said = neighbours_and_missing_words(there.pairs, there.unseen, there.uncatalogued)
     assert all(len(each) <= 80 for each in said)
     assert said[0].startswith("2-3: 253.2 ± 0.5″ -1.44 ± 0.03″/min, least 52 to 73″")
     assert any(each.startswith("1-2:") and each.endswith("!") for each in said)
     assert not any(each.startswith("1-3:") for each in said)  # neither is the other's nearest
     assert "not in the catalogue: track 3" in said
     assert said[-1] == "expected, not seen: ASTRA 2C (25785) x 3120 y 912 in shadow"
-    assert field_words((), (), ()) == []
+    assert neighbours_and_missing_words((), (), ()) == []

@@ -9,8 +9,8 @@ from rsoconsole.control import (
     NextAim,
     Outcome,
     Status,
-    TrackNow,
-    aim_parts,
+    TrackStatus,
+    next_aim_parts,
     read_status,
     status_json,
     track_table,
@@ -23,7 +23,7 @@ from tests.rigs.engine_rig import Rig, command_handler_of, told
 
 __all__ = ["home"]
 TRACKS = (
-    TrackNow(
+    TrackStatus(
         track_id=2,
         name="ASTRA 1KR",
         is_lead=True,
@@ -35,7 +35,7 @@ TRACKS = (
         snr=61.3,
         is_in_next_field=True,
     ),
-    TrackNow(
+    TrackStatus(
         track_id=11,
         name="A NAME THAT IS LONGER THAN ITS COLUMN",
         state="COAST",
@@ -151,4 +151,4 @@ def test_the_list_shows_the_next_aim_where_every_track_has_its_row():
 
 def test_nothing_followed_has_no_table():
     assert track_table(Status()) == []
-    assert "no slew" in aim_parts(NextAim(policy="lead"))
+    assert "no slew" in next_aim_parts(NextAim(policy="lead"))

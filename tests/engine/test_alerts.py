@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.base import ConfigError
 from rsoconsole.cli.app import app
-from rsoconsole.cli.telescope._prometheus import metrics
+from rsoconsole.cli.telescope._prometheus import metrics_text
 from rsoconsole.config import (
     AlertsConfig,
     Config,
@@ -30,11 +30,11 @@ from rsoconsole.config import (
 from rsoconsole.config.alerts import ALERT_KINDS
 from rsoconsole.control import (
     ControlServer,
-    Health,
     Machine,
     Outcome,
+    PartHealth,
     Status,
-    TrackNow,
+    TrackStatus,
     default_socket_path,
     status_json,
 )
@@ -185,7 +185,7 @@ def test_another_name_for_a_track_is_told_and_done_names_what_was_seen() -> None
     assert len(told(identified(), identified(name="SES-10"))) == 2
     news = SessionAlerts()
     news.take(1, identified())
-    assert "INTELSAT 14 (36097)" in news.done(2).text
+    assert "INTELSAT 14 (36097)" in news.closing_alert(2).text
 
 
 # How often
@@ -233,12 +233,12 @@ def test_the_spool_outlives_its_process_is_bounded_and_holds_no_address(tmp_path
     spool.close()
     again = Spool(tmp_path)
     assert len(again) == MOST
-    first_a, first_b = again.first_for("a"), again.first_for("b")
+    first_a, first_b = again.oldest_unsent("a"), again.oldest_unsent("b")
     assert first_a is not None
     assert first_b is not None
     assert (first_a.number, first_b.number) == (7, 6)
     add(again, 0, ["a"])
-    assert again.first_for("a") is not None
+    assert again.oldest_unsent("a") is not None
     again.drop_old(OLDEST_NS + 6, {"a", "b"})
     assert len(again) == 0
     assert stat.S_IMODE((tmp_path / "spool.json").stat().st_mode) == 0o600
@@ -257,7 +257,7 @@ def test_a_folder_that_cannot_be_used_keeps_messages_in_memory(tmp_path: Path) -
     spool = Spool(tmp_path / "file" / "below")
     assert spool.fault
     add(spool, 1, ["a"])
-    assert spool.first_for("a") is not None
+    assert spool.oldest_unsent("a") is not None
     first = Spool(tmp_path / "one")
     second = Spool(tmp_path / "one")
     assert (first.fault, bool(second.fault)) == (None, True)
@@ -271,17 +271,17 @@ def test_what_two_engines_have_to_say_is_in_one_spool_when_the_first_has_ended(
     first.add(one, ("night 1", 7))
     other = QueuedMessage(kind="lock", title="t", body="second", t_utc_ns=2, pending=["a"])
     second.add(other, ("night 2", 9))
-    held = second.first_for("a")
+    held = second.oldest_unsent("a")
     assert held is not None
     assert (held.body, bool(second.fault)) == ("second", True)
     first.close()  # as its process's end does, whether it was killed or not
-    before = second.first_for("a")
+    before = second.oldest_unsent("a")
     assert before is not None
     assert (before.body, second.fault, len(second)) == ("first", None, 2)
     second.sent(held.number, "a")
     second.close()
     third = Spool(tmp_path)
-    left = third.first_for("a")
+    left = third.oldest_unsent("a")
     assert left is not None
     assert (left.body, len(third)) == ("first", 1)
     assert (third.last_alerted_record("night 1"), third.last_alerted_record("night 2")) == (7, 9)
@@ -568,7 +568,7 @@ def test_an_address_is_on_no_command_line_in_no_session_and_in_no_output(
     os.kill(alerts.pid, signal.SIGKILL)
     shown = [command, config_to_toml(config), repr(config), (state / "spool.json").read_text()]
     shown += [str(each.value) for each in effective_settings(path)]
-    shown += [str(SessionReader(writer.folder).about())]
+    shown += [str(SessionReader(writer.folder).read_meta())]
     shown += [(state.parent / "log" / "alerts.log").read_text()]
     assert "hunter" not in " ".join(shown)
     assert SessionReader(writer.folder).config().alerts.services == ("json://...",)
@@ -675,12 +675,12 @@ def test_prometheus_reads_the_status() -> None:
         frame_id=24,
         alt_deg=38.1,
         is_slewing=False,
-        health=(Health(name='a "part"\\', ok=True, text="x"),),
+        health=(PartHealth(name='a "part"\\', ok=True, text="x"),),
         machine=Machine(cpu_temperature_c=51.5),
-        tracks=(TrackNow(track_id=2, nis=1.5), TrackNow(track_id=3)),
+        tracks=(TrackStatus(track_id=2, nis=1.5), TrackStatus(track_id=3)),
         now_utc_ns=1_700_000_000_123_456_789,
     )
-    found = figures(metrics(told_))
+    found = figures(metrics_text(told_))
     assert found["rsoconsole_up",] == 1.0
     assert found["rsoconsole_state", "TRACK"] == 1.0
     assert found["rsoconsole_state", "FAULT"] == 0.0
@@ -688,7 +688,7 @@ def test_prometheus_reads_the_status() -> None:
     assert found["rsoconsole_track_nis", "2"] == 1.5
     assert found["rsoconsole_clock_seconds",] == pytest.approx(1_700_000_000.1234567)
     assert ("rsoconsole_parked",) not in found
-    assert figures(metrics(None)) == {("rsoconsole_up",): 0.0}
+    assert figures(metrics_text(None)) == {("rsoconsole_up",): 0.0}
 
 
 def test_the_text_file_is_written_whole_with_and_without_an_engine(
@@ -708,4 +708,4 @@ def test_the_text_file_is_written_whole_with_and_without_an_engine(
 
 
 def test_a_default_night_alerts_nobody() -> None:
-    assert not Config().alerts.is_wanted
+    assert not Config().alerts.is_configured

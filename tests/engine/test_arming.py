@@ -52,8 +52,8 @@ FACTS = ArmingFacts(
     sky=SkyReport(weather="ok", dome="open"),
     free_bytes=500 * 10**9,
     disk_fault="",
-    network=doctor.Check(check="network", ok=True, detail="streak_ssd 1"),
-    index=doctor.Check(check="index files", ok=True, detail="6 files"),
+    network=doctor.CheckResult(check="network", ok=True, detail="streak_ssd 1"),
+    index=doctor.CheckResult(check="index files", ok=True, detail="6 files"),
 )
 
 
@@ -137,12 +137,16 @@ def test_in_a_good_night_every_check_passes_and_says_its_figure() -> None:
         (with_(disk_fault="Read-only file system"), "disk", "Read-only"),
         (with_(free_bytes=None), "disk", "unknown"),
         (
-            with_(network=doctor.Check(check="network", ok=False, detail="gone", remedy="again")),
+            with_(
+                network=doctor.CheckResult(check="network", ok=False, detail="gone", remedy="again")
+            ),
             "network",
             "gone",
         ),
         (
-            with_(index=doctor.Check(check="index files", ok=False, detail="9", remedy="get")),
+            with_(
+                index=doctor.CheckResult(check="index files", ok=False, detail="9", remedy="get")
+            ),
             "index",
             "9",
         ),

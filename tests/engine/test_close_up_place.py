@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.engine.tasks.preview import PlacesOfInterest
+from rsoconsole.engine.tasks.preview import CloseupPlaces
 from rsoconsole.records import NotSolved
 from rsoconsole.sky import pixel_to_sky
 from tests.nights.made_up_night import solution_of
@@ -23,11 +23,11 @@ def reduction(solution: Any) -> Any:
 
 
 def following(ra_deg: float, dec_deg: float) -> Any:
-    return SimpleNamespace(taken=None, track=SimpleNamespace(x=(ra_deg, 0.0, dec_deg, 0.0)))
+    return SimpleNamespace(lead_measured=None, track=SimpleNamespace(x=(ra_deg, 0.0, dec_deg, 0.0)))
 
 
 def test_under_cloud_the_close_up_is_where_the_track_is_predicted():
-    places, plate = PlacesOfInterest(), solution_of(1, 150.0, -5.0)
+    places, plate = CloseupPlaces(), solution_of(1, 150.0, -5.0)
     ra, dec = (float(each) for each in pixel_to_sky(plate.wcs, 1000.0, 900.0))
     there = places.of(frame(150.0, -5.0), reduction(plate), following(ra, dec))
     assert there == pytest.approx((1000.0, 900.0), abs=0.01)
@@ -42,4 +42,4 @@ def test_under_cloud_the_close_up_is_where_the_track_is_predicted():
 
 def test_before_the_first_plate_there_is_no_place():
     cloud = reduction(NotSolved(frame_id=2, reason="0 stars, 8 needed", ms=1.0))
-    assert PlacesOfInterest().of(frame(150.0, -5.0), cloud, following(150.0, -5.0)) is None
+    assert CloseupPlaces().of(frame(150.0, -5.0), cloud, following(150.0, -5.0)) is None

@@ -13,7 +13,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.engine.doctor import doctor, doctor_system
-from rsoconsole.engine.doctor.doctor_system import ClockReading, Terminal, colours_of
+from rsoconsole.engine.doctor.doctor_system import ClockReading, Terminal, terminal_colours
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.instruments import allowed_libraries, utc_now_ns
 from rsoconsole.sky import iso_to_utc_ns
@@ -163,7 +163,7 @@ def test_a_library_that_is_missing_or_crashes_is_named(
 @pytest.mark.parametrize("setting", ["pyindi", "indipyclient"])
 def test_the_library_that_speaks_indi_is_told_with_its_version(setting: str) -> None:
     (library,) = allowed_libraries(setting)
-    if not library.is_there:
+    if not library.is_installed:
         pytest.skip(f"{library.package} is not installed")
     check = doctor.doctor_indi.check_client(config_with(indi={"client": setting}))
     assert check.ok is True
@@ -364,10 +364,15 @@ def test_the_terminal_is_judged_by_size_colours_and_encoding(
 
 
 def test_colours_are_what_the_terminal_says() -> None:
-    assert colours_of({"TERM": "xterm", "COLORTERM": "truecolor"}) == 1 << 24
-    assert colours_of({"TERM": "xterm-256color"}) == 256
-    assert colours_of({"TERM": "linux"}) == 16
-    assert colours_of({"TERM": "dumb"}) == colours_of({}) == colours_of({"TERM": "vt100"}) == 2
+    assert terminal_colours({"TERM": "xterm", "COLORTERM": "truecolor"}) == 1 << 24
+    assert terminal_colours({"TERM": "xterm-256color"}) == 256
+    assert terminal_colours({"TERM": "linux"}) == 16
+    assert (
+        terminal_colours({"TERM": "dumb"})
+        == terminal_colours({})
+        == terminal_colours({"TERM": "vt100"})
+        == 2
+    )
 
 
 def test_the_size_of_a_real_terminal_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -391,7 +396,7 @@ def test_the_size_of_a_real_terminal_is_read(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_check_is_one_json_object() -> None:
     from dataclasses import asdict
 
-    check = doctor.Check(check="clock", ok=None, detail="unknown")
+    check = doctor.CheckResult(check="clock", ok=None, detail="unknown")
     assert json.loads(json.dumps(asdict(check))) == {
         "check": "clock",
         "ok": None,

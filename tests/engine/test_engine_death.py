@@ -143,11 +143,11 @@ def test_the_next_engine_says_what_happened_and_goes_on_in_a_new_session(engine)
     engine.kill()
     engine.start()
     assert engine.session != first
-    assert engine.reader.about()["continues"] == str(first)
+    assert engine.reader.read_meta()["continues"] == str(first)
     wait_for(lambda: engine.frames() >= 1, "a frame of the next engine")
     said = [event.text for event in records(engine.session, Event)]
     assert any(first.name in text and "without closing" in text for text in said)
-    assert SessionReader(first).about()["is_closed"] is False
+    assert SessionReader(first).read_meta()["is_closed"] is False
     assert is_whole(first)
     # One that ends well is not continued by the third.
     assert engine.process is not None

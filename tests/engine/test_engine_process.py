@@ -102,7 +102,7 @@ def test_it_answers_stops_at_once_and_ends_safely(engine, environment, tmp_path,
     wait_for(lambda: status(environment)["state"] == "IDLE")
     engine.send_signal(signal.SIGTERM)
     assert engine.wait(30) == 0
-    assert SessionReader(tmp_path / "session").about()["is_closed"] is True
+    assert SessionReader(tmp_path / "session").read_meta()["is_closed"] is True
     assert stop_mount(
         observatory.host, observatory.port, observatory.mount_name, measures=False
     ).is_answered
@@ -144,8 +144,8 @@ def test_sigterm_again_and_again_is_one_safe_end(engine, environment, tmp_path, 
         engine.send_signal(number)
     assert engine.wait(30) == 0
     reader = SessionReader(session)
-    assert reader.about()["is_closed"] is True
-    assert [row["after"] for row in reader.view("states")][-1] == "IDLE"
+    assert reader.read_meta()["is_closed"] is True
+    assert [row["after"] for row in reader.view_rows("states")][-1] == "IDLE"
     assert stop_mount(
         observatory.host, observatory.port, observatory.mount_name, measures=False
     ).is_answered

@@ -10,7 +10,7 @@ from rsoconsole.control import Machine
 from rsoconsole.engine import troubles_of
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.loop.interruptions import ClockTrouble
-from rsoconsole.engine.machine.medium import Medium
+from rsoconsole.engine.machine.medium import RecordingMedium
 from rsoconsole.engine.machine.time_source import TimeSource
 from rsoconsole.engine.service import machine_watch as health
 from rsoconsole.engine.service.machine_watch import HealthMeter, MachineState
@@ -61,7 +61,7 @@ def seen(**machine: object) -> MachineState:
     return MachineState(
         reading=reading,
         troubles=troubles_of(reading),
-        medium=Medium(kind="SD card"),
+        medium=RecordingMedium(kind="SD card"),
         time_source=TimeSource(kind="NTP", detail="", rtc=None),
     )
 

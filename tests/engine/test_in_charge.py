@@ -479,7 +479,7 @@ def test_a_loop_that_hangs_is_told_and_the_service_manager_hears_no_more(monkeyp
     r = rig(set())
     watch = r.engine.watch
     heard: list[str] = []
-    monkeypatch.setattr("rsoconsole.engine.tasks.watch.notify", heard.append)
+    monkeypatch.setattr("rsoconsole.engine.tasks.watch.notify_systemd", heard.append)
     watch.look()
     assert heard == ["WATCHDOG=1"]
     watch._loop_alive_s -= LOOP_SILENCE_S

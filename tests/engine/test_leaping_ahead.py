@@ -417,12 +417,12 @@ def test_a_shutter_has_closed_after_the_latest_that_was_seen() -> None:
     latencies = np.random.default_rng(1).normal(0.5, 0.03, 200)
     late = 0
     for n, latency_s in enumerate(latencies):
-        closed_s = times.closed_after_s(0.2)
+        closed_s = times.shutter_closed_after_s(0.2)
         if n >= 6 and closed_s is not None:
             late += closed_s < latency_s + 0.2
-        times.read_out(frame_of(NS * n, latency_s), NS * n)
+        times.learn_shutter_delay(frame_of(NS * n, latency_s), NS * n)
     assert late <= 2
-    closed_s = times.closed_after_s(0.2)
+    closed_s = times.shutter_closed_after_s(0.2)
     assert closed_s is not None
     assert closed_s < 0.5 + 0.2 + 0.15
 
@@ -431,21 +431,24 @@ def test_a_shutter_has_closed_after_the_latest_that_was_seen() -> None:
 def test_a_camera_whose_clock_is_off_does_not_tell_when_its_shutter_closes(off_s) -> None:
     times = times_of(leap_rig(orbit_over(heading_deg=50.0)))
     for n in range(8):
-        times.read_out(frame_of(NS * n, off_s), NS * n)
-    assert times.closed_after_s(0.2) is None
+        times.learn_shutter_delay(frame_of(NS * n, off_s), NS * n)
+    assert times.shutter_closed_after_s(0.2) is None
 
 
 def test_what_the_streaks_tell_of_the_shutter_is_waited_for_unless_the_frame_comes_sooner() -> None:
     times = times_of(leap_rig(orbit_over(heading_deg=50.0)))
     for n in range(8):
-        times.read_out(frame_of(NS * n, 0.5), NS * n)
-    steady_s, scattered_s = times.closed_after_s(0.2), times.closed_after_s(0.2, 0.1)
+        times.learn_shutter_delay(frame_of(NS * n, 0.5), NS * n)
+    steady_s, scattered_s = (
+        times.shutter_closed_after_s(0.2),
+        times.shutter_closed_after_s(0.2, 0.1),
+    )
     assert steady_s is not None
     assert scattered_s is not None
     assert scattered_s == pytest.approx(0.5 + 0.2 + 4 * 0.1, abs=0.01)
     times.learn_processing_time(7 * NS + round(0.9 * NS))  # 0.2 s after the last shutter closed
-    assert times.closed_after_s(0.2, 0.1) is None
-    assert times.closed_after_s(0.2) == steady_s
+    assert times.shutter_closed_after_s(0.2, 0.1) is None
+    assert times.shutter_closed_after_s(0.2) == steady_s
 
 
 # ---- on record

@@ -54,7 +54,7 @@ def test_a_preset_that_is_set_is_loaded_before_the_next_frame(
     loaded = []
     monkeypatch.setattr(
         estimator,
-        "make_ready",
+        "preload_modules",
         lambda settings: loaded.append((settings.preset, r.engine.frame_id)),
     )
     r = rig(set())

@@ -9,14 +9,14 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.control import Machine, Status, read_status, status_json
-from rsoconsole.engine import medium_of, read_machine, troubles_of
+from rsoconsole.engine import read_machine, read_recording_medium, troubles_of
 from rsoconsole.engine.doctor import checks as doctor_machine
 from rsoconsole.engine.machine import machine
 from rsoconsole.engine.machine.machine import Trouble
-from rsoconsole.engine.machine.medium import Medium
+from rsoconsole.engine.machine.medium import RecordingMedium
 from rsoconsole.engine.machine.time_source import TimeSource, read_time_source
 from rsoconsole.engine.service import machine_watch
-from rsoconsole.engine.service.machine_watch import QUIET_LOOKS, MachineWatch, Troubles
+from rsoconsole.engine.service.machine_watch import QUIET_LOOKS, MachineWatch, TroubleTracker
 from tests.rigs.pi_files import make_it_emmc, pi_files, put
 
 NO_TIME = TimeSource(kind="unknown", detail="this system does not tell", rtc=None)
@@ -121,34 +121,38 @@ def test_the_firmwares_own_program_is_asked_before_the_file_that_complains(tmp_p
     ],
 )
 def test_a_folders_medium_is_that_of_its_mount(tmp_path, folder, kind, device):
-    medium = medium_of(Path(folder), pi_files(tmp_path))
+    medium = read_recording_medium(Path(folder), pi_files(tmp_path))
     assert (medium.kind, medium.device) == (kind, device)
 
 
 def test_an_emmc_tells_how_worn_it_is(tmp_path):
     make_it_emmc(pi_files(tmp_path), "0x02 0x09")
-    medium = medium_of(Path("/home"), tmp_path)
+    medium = read_recording_medium(Path("/home"), tmp_path)
     assert (medium.kind, medium.life_used_percent) == ("eMMC", 90)
-    check = doctor_machine.check_medium(Config(), medium)
+    check = doctor_machine.check_recording_medium(Config(), medium)
     assert check.ok is False
     assert "90 % of its life used" in check.detail
 
 
 def test_a_folder_on_this_machine_lies_on_something():
-    assert isinstance(medium_of(Path.home()), Medium)
+    assert isinstance(read_recording_medium(Path.home()), RecordingMedium)
 
 
 def test_a_card_is_advised_against_with_the_nights_megabytes(tmp_path):
     config = Config.model_validate({"session": {"root": str(tmp_path)}})
-    check = doctor_machine.check_medium(config, Medium(kind="SD card", device="mmcblk0"))
+    check = doctor_machine.check_recording_medium(
+        config, RecordingMedium(kind="SD card", device="mmcblk0")
+    )
     assert check.ok is None
     assert check.detail.startswith("SD card mmcblk0, a night writes up to ")
     megabytes = float(check.detail.split("up to ")[1].split(" MB")[0])
     ten_frames_mb = 10 * 0.52 * 2 * 4656 * 3520 / 1e6
     assert megabytes > ten_frames_mb
     assert "USB disk" in check.remedy
-    assert doctor_machine.check_medium(config, Medium(kind="USB disk")).ok is True
-    assert doctor_machine.check_medium(config, Medium(kind="memory")).ok is False
+    assert (
+        doctor_machine.check_recording_medium(config, RecordingMedium(kind="USB disk")).ok is True
+    )
+    assert doctor_machine.check_recording_medium(config, RecordingMedium(kind="memory")).ok is False
 
 
 CHRONY = (
@@ -219,24 +223,26 @@ POWER = Trouble(name="power", words="under-voltage: too little", remedy="another
 
 
 def test_a_trouble_is_said_when_it_begins_and_when_it_is_over_and_not_between():
-    troubles = Troubles()
+    troubles = TroubleTracker()
     said = [troubles.step((POWER,)) for _ in range(5)]
     assert said == [[("alarm", "machine: under-voltage: too little: another supply")], *[[]] * 4]
     for _ in range(QUIET_LOOKS - 1):
         assert troubles.step(()) == []
-        assert troubles.held == (POWER,)
+        assert troubles.present_troubles == (POWER,)
     assert troubles.step((POWER,)) == []
     assert [troubles.step(()) for _ in range(QUIET_LOOKS)][-1] == [
         ("info", "machine: no longer under-voltage")
     ]
-    assert troubles.held == ()
+    assert troubles.present_troubles == ()
     assert len(troubles.step((POWER,))) == 1
 
 
 def test_the_watch_reads_says_and_keeps_what_it_saw(tmp_path, monkeypatch):
     files = pi_files(tmp_path, throttled="50005")
     monkeypatch.setattr(machine_watch, "read_machine", partial(machine.read_machine, files))
-    monkeypatch.setattr(machine_watch, "medium_of", partial(medium_of, root=files))
+    monkeypatch.setattr(
+        machine_watch, "read_recording_medium", partial(read_recording_medium, root=files)
+    )
     monkeypatch.setattr(machine_watch, "read_time_source", lambda: NO_TIME)
     said: list[tuple[str, str]] = []
     watch = MachineWatch(Path("/mnt/usb disk"), lambda level, text: said.append((level, text)))

@@ -88,7 +88,7 @@ def test_a_fork_has_no_side_of_the_pier_to_tell():
 # ---- the doctor ---------------------------------------------------------------------------------
 
 
-def diagnosed(port: int) -> doctor.Check:
+def diagnosed(port: int) -> doctor.CheckResult:
     config = Config.model_validate({"indi": {"port": port}, "waits": {"quiet_s": 0.3}})
     return doctor.check_mount_driver(config)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.engine.tasks.pace import LONGEST_SHARE, SHORTEST_PX, Pace, pace_for
+from rsoconsole.engine.tasks.pace import LONGEST_SHARE, SHORTEST_PX, Pace, exposure_and_cadence_for
 from rsoconsole.records import TrackState
 
 CONFIG = Config()
@@ -34,12 +34,12 @@ def track(rate_arcsec_s: float, innovations: int = 3) -> TrackState:
 
 @pytest.mark.parametrize("name", RATES)
 def test_what_the_night_is_made_for_keeps_its_exposure(name):
-    assert pace_for(RATES[name], CONFIG) == (10.0, 30.0)
+    assert exposure_and_cadence_for(RATES[name], CONFIG) == (10.0, 30.0)
 
 
 @pytest.mark.parametrize("rate", [167.0, 500.0, 1190.0, 3600.0])
 def test_the_faster_the_shorter_and_never_out_of_the_field(rate):
-    (exposure_s, cadence_s), optics = pace_for(rate, CONFIG), CONFIG.optics
+    (exposure_s, cadence_s), optics = exposure_and_cadence_for(rate, CONFIG), CONFIG.optics
     streak_px = rate * exposure_s / optics.scale_arcsec_px
     if exposure_s > CONFIG.exposure.shortest_s:
         assert SHORTEST_PX < streak_px < LONGEST_SHARE * optics.height_px
@@ -48,16 +48,16 @@ def test_the_faster_the_shorter_and_never_out_of_the_field(rate):
 
 
 def test_what_hardly_moves_is_exposed_longer_within_the_bounds():
-    exposure_s, cadence_s = pace_for(2.5, CONFIG)
+    exposure_s, cadence_s = exposure_and_cadence_for(2.5, CONFIG)
     assert exposure_s == pytest.approx(
         1.25 * SHORTEST_PX * CONFIG.optics.scale_arcsec_px / 2.5, rel=0.05
     )
     assert cadence_s - exposure_s == pytest.approx(20.0, abs=0.1)
-    assert pace_for(1.7, CONFIG)[0] == CONFIG.exposure.longest_s
+    assert exposure_and_cadence_for(1.7, CONFIG)[0] == CONFIG.exposure.longest_s
     # No exposure makes a streak of it: more sky is all that a longer one would bring.
-    assert pace_for(0.1, CONFIG)[0] == CONFIG.exposure.exposure_s
+    assert exposure_and_cadence_for(0.1, CONFIG)[0] == CONFIG.exposure.exposure_s
     bounded = with_setting(CONFIG, "exposure.shortest_s", 2.0)
-    assert pace_for(3600.0, bounded)[0] == 2.0
+    assert exposure_and_cadence_for(3600.0, bounded)[0] == 2.0
 
 
 def test_it_is_set_for_the_track_and_set_back_after_it_on_record():
@@ -113,7 +113,7 @@ def test_where_one_exposure_is_wanted_it_is_left(name, value):
 
 def test_an_exposure_below_the_bound_is_never_lengthened_for_a_streak_that_is_too_long():
     short = with_setting(CONFIG, "exposure.exposure_s", 0.2)
-    assert pace_for(10_000.0, short)[0] <= 0.2
+    assert exposure_and_cadence_for(10_000.0, short)[0] <= 0.2
 
 
 def test_bounds_the_wrong_way_round_are_refused():

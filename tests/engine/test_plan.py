@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.instrument_controller import Plan
+from rsoconsole.engine.aim.instrument_controller import AimPlan
 from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.instruments import MountReport
 from rsoconsole.records import Frame, SlewCommand, SlewRefusal
@@ -46,19 +46,19 @@ class Loop:
         self.planner.start_search(report(hour_angle_deg), T0_UTC_NS)
         self.frame_id = 0
 
-    def expose(self, plan: Plan, before: Following, after: Following) -> float:
+    def expose(self, plan: AimPlan, before: Following, after: Following) -> float:
         """One exposure; the hour angle that it looked at, rounded."""
         if plan.slew is not None:
             to = self.planner.command(plan.slew)
-            self.planner.arrived(plan.slew, report(-20.0), to)
+            self.planner.note_arrival(plan.slew, report(-20.0), to)
         self.frame_id += 1
         self.now_ns = plan.t_start_utc_ns + 12 * NS
         frame = Frame(frame_id=self.frame_id, name="", pixels=np.zeros((4, 4), np.uint16))
         self.planner.note_frame(frame, plan.t_start_utc_ns)
-        self.planner.followed(before, after, self.now_ns)
+        self.planner.update_search(before, after, self.now_ns)
         return self.hour_angle(plan)
 
-    def hour_angle(self, plan: Plan) -> float:
+    def hour_angle(self, plan: AimPlan) -> float:
         if plan.slew is None:
             return float("nan")
         to = (plan.slew.ra_icrs_deg, plan.slew.dec_icrs_deg)
@@ -167,7 +167,7 @@ def test_a_lost_satellite_is_looked_for_where_it_was_lost_before_the_list_goes_o
     loop = Loop(LIST)
     loop.search(1)
     loop.planner.note_solution(solution_at(report(10.0).ra_icrs_deg, -4.7))
-    loop.planner.followed(Following(state="COAST"), Following(state="LOST"), T0_UTC_NS)
+    loop.planner.update_search(Following(state="COAST"), Following(state="LOST"), T0_UTC_NS)
     # Between the loss and the aim the sky turns; the place over the ground is kept.
     assert loop.search(5) == pytest.approx([10, 10, -30, -30, 5], abs=0.1)
     loop.planner.go_home()

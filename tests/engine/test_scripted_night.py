@@ -150,7 +150,9 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         time.sleep(0.3)
         seat.press("s")
         wait_for(lambda: seat.process.poll() is not None, "the console's end", seat)
-    wait_for(lambda: SessionReader(session).about().get("is_closed") is True, "a closed session")
+    wait_for(
+        lambda: SessionReader(session).read_meta().get("is_closed") is True, "a closed session"
+    )
     verbs = [action.verb for action in records(OperatorAction)]
     for verb in ("disarm", "arm", "mark", "set", "nudge", "resume", "stop", "park", "shutdown"):
         assert verb in verbs, verb

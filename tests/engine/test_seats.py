@@ -7,7 +7,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.control import COMMANDS, Outcome, Sender
-from rsoconsole.engine.tasks.seats import ASKED_S, GONE_S, Seats, SeatView
+from rsoconsole.engine.tasks.seats import ASKED_S, GONE_S, ConsoleControl, SeatView
 from tests.rigs.engine_rig import asked, command_handler_of, rig
 from tests.rigs.seat_rig import FakeWire, can_answer, pane, play, until
 
@@ -30,11 +30,11 @@ def clock() -> Watch:
 
 
 @pytest.fixture
-def seats(clock: Watch) -> Seats:
-    return Seats(clock)
+def seats(clock: Watch) -> ConsoleControl:
+    return ConsoleControl(clock)
 
 
-def test_the_first_console_that_acts_has_the_seat_and_others_are_refused(seats: Seats):
+def test_the_first_console_that_acts_has_the_seat_and_others_are_refused(seats: ConsoleControl):
     assert seats.view() == SeatView(holder=None, asked_by=None)
     assert seats.refusal(BOB, needs_control=False) is None
     assert seats.view().holder is None
@@ -44,33 +44,33 @@ def test_the_first_console_that_acts_has_the_seat_and_others_are_refused(seats: 
 
 
 @pytest.mark.parametrize("verb", ["stop", "status", "preview", "note"])
-def test_what_moves_nothing_and_stop_are_everybodys(seats: Seats, verb: str):
+def test_what_moves_nothing_and_stop_are_everybodys(seats: ConsoleControl, verb: str):
     seats.refusal(ANA, needs_control=True)
     assert seats.refusal(BOB, needs_control=COMMANDS[verb].needs_control) is None
     assert seats.view().holder == ANA
 
 
-def test_a_shell_is_never_refused(seats: Seats):
+def test_a_shell_is_never_refused(seats: ConsoleControl):
     seats.refusal(ANA, needs_control=True)
     assert seats.refusal(Sender(), needs_control=True) is None
     assert seats.view().holder == ANA
 
 
-def test_who_is_asked_gives_or_keeps(seats: Seats):
+def test_who_is_asked_gives_or_keeps(seats: ConsoleControl):
     seats.refusal(ANA, needs_control=True)
     assert "is asked" in seats.ask(BOB)
     assert seats.view().asked_by == BOB
-    assert "keep" in seats.answer(ANA, gives=False)
+    assert "keep" in seats.answer_request(ANA, gives=False)
     assert seats.view() == SeatView(holder=ANA, asked_by=None)
     seats.ask(BOB)
-    assert "bob@pts/2 has control now" in seats.answer(ANA, gives=True)
+    assert "bob@pts/2 has control now" in seats.answer_request(ANA, gives=True)
     assert seats.refusal(BOB, needs_control=True) is None
     assert seats.refusal(ANA, needs_control=True) is not None
     with pytest.raises(ValueError, match="nobody asks you"):
-        seats.answer(ANA, gives=True)
+        seats.answer_request(ANA, gives=True)
 
 
-def test_who_says_nothing_gives_it_up(seats: Seats, clock: Watch):
+def test_who_says_nothing_gives_it_up(seats: ConsoleControl, clock: Watch):
     seats.refusal(ANA, needs_control=True)
     seats.ask(BOB)
     while clock.t_s < ASKED_S - 1.0:
@@ -83,14 +83,14 @@ def test_who_says_nothing_gives_it_up(seats: Seats, clock: Watch):
     assert seats.view() == SeatView(holder=BOB, asked_by=None)
 
 
-def test_who_has_gone_has_no_seat(seats: Seats, clock: Watch):
+def test_who_has_gone_has_no_seat(seats: ConsoleControl, clock: Watch):
     seats.refusal(ANA, needs_control=True)
     clock.t_s = GONE_S + 0.1
     assert seats.refusal(BOB, needs_control=True) is None
     assert seats.view().holder == BOB
 
 
-def test_who_asked_and_left_does_not_get_it(seats: Seats, clock: Watch):
+def test_who_asked_and_left_does_not_get_it(seats: ConsoleControl, clock: Watch):
     seats.refusal(ANA, needs_control=True)
     seats.ask(BOB)
     for clock.t_s in range(1, 40):
@@ -153,7 +153,7 @@ def test_what_one_types_when_the_seat_is_asked_for_gives_nothing_away(wire: Fake
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press("n", "s", "k")
         wire.status |= {"seat": "ana@pts/1", "seat_asked_by": "bob@pts/2"}
-        await until(pilot, lambda: app.live.asker == "bob@pts/2")
+        await until(pilot, lambda: app.live.control_requester == "bob@pts/2")
         await pilot.press("y", "enter")
         await until(pilot, lambda: bool(wire.sent))
         assert wire.sent == [("note", {"text": "sky"})]
@@ -161,15 +161,15 @@ def test_what_one_types_when_the_seat_is_asked_for_gives_nothing_away(wire: Fake
     play(wire, scene, seat_name="ana@pts/1")
 
 
-def test_an_answer_is_for_whom_it_was_meant(seats: Seats, clock: Watch):
+def test_an_answer_is_for_whom_it_was_meant(seats: ConsoleControl, clock: Watch):
     """Bob's wish has lapsed, Carl asks by now: a late answer to Bob gives Carl nothing."""
     for who in ("ana", "bob", "carl"):
         seats.refusal(Sender.console(who), needs_control=False)
     assert seats.refusal(Sender.console("ana"), needs_control=True) is None
     seats.ask(Sender.console("carl"))
     with pytest.raises(ValueError, match="carl asks by now"):
-        seats.answer(Sender.console("ana"), gives=True, to="bob")
-    assert "carl has control" in seats.answer(Sender.console("ana"), gives=True, to="carl")
+        seats.answer_request(Sender.console("ana"), gives=True, to="bob")
+    assert "carl has control" in seats.answer_request(Sender.console("ana"), gives=True, to="carl")
 
 
 def test_others_are_not_asked(wire: FakeWire):

@@ -31,10 +31,12 @@ def after(trials: SettleTrials, smear: Smear, noise: float, leaps: int, seed: in
     """What each leap was given; seeing changes slowly, wind from frame to frame."""
     random, given = np.random.default_rng(seed), []
     for leap in range(leaps):
-        given.append(trials.seconds)
-        trials.begun()
+        given.append(trials.next_settle_s)
+        trials.begin_next_leap()
         seeing = WIDTH_PX * (1.0 + 0.3 * math.sin(leap / 40.0))
-        trials.seen(math.hypot(seeing, smear(given[-1])) * math.exp(random.normal(0.0, noise)))
+        trials.add_star_width(
+            math.hypot(seeing, smear(given[-1])) * math.exp(random.normal(0.0, noise))
+        )
     return given
 
 
@@ -53,7 +55,7 @@ def test_time_that_costs_no_sharpness_is_saved(smear, noise):
     for seed in range(30):
         trials = SettleTrials(2.0)
         after(trials, smear, noise, 200, seed)
-        kept.append(trials.kept_s)
+        kept.append(trials.settle_in_use_s)
     assert np.median(kept) < 1.7
     assert np.percentile([wider(smear, each) for each in kept], 90) < 1.25
 
@@ -61,7 +63,7 @@ def test_time_that_costs_no_sharpness_is_saved(smear, noise):
 def test_a_mount_that_stands_still_is_given_the_least():
     trials = SettleTrials(2.0)
     given = after(trials, still, 0.03, 200, 1)
-    assert trials.kept_s == SHORTEST_S
+    assert trials.settle_in_use_s == SHORTEST_S
     assert min(given) == SHORTEST_S
 
 
@@ -70,7 +72,7 @@ def test_one_that_swings_longer_than_configured_is_given_more():
     for seed in range(20):
         trials = SettleTrials(1.0)
         after(trials, smear, 0.03, 200, seed)
-        kept.append(trials.kept_s)
+        kept.append(trials.settle_in_use_s)
     assert np.median(kept) > 1.5
     assert np.median([wider(smear, each) for each in kept]) < 1.3 < wider(smear, 1.0)
 
@@ -86,48 +88,48 @@ def test_a_leap_has_what_it_was_planned_with():
     """The next one is planned while the last is examined: news of it wait for the one after."""
     trials = SettleTrials(2.0)
     for _ in range(200):
-        planned_s = trials.seconds
-        trials.seen(WIDTH_PX)
-        assert trials.seconds == planned_s
-        trials.begun()
+        planned_s = trials.next_settle_s
+        trials.add_star_width(WIDTH_PX)
+        assert trials.next_settle_s == planned_s
+        trials.begin_next_leap()
 
 
 def test_where_no_star_can_be_measured_it_has_what_is_configured():
     trials = SettleTrials(2.0)
     for width in (None, math.nan, 0.0) * 40:
-        trials.begun()
-        assert trials.seen(width) is None
-    assert trials.kept_s == 2.0
+        trials.begin_next_leap()
+        assert trials.add_star_width(width) is None
+    assert trials.settle_in_use_s == 2.0
 
 
 def test_a_trial_that_leaves_no_stars_is_refused_like_one_that_smears_them():
     trials, given = SettleTrials(2.0), []
     for _ in range(400):
-        given.append(trials.seconds)
-        trials.begun()
-        trials.seen(None if given[-1] < 1.5 else WIDTH_PX)
-    assert trials.kept_s == pytest.approx(1.6)
+        given.append(trials.next_settle_s)
+        trials.begin_next_leap()
+        trials.add_star_width(None if given[-1] < 1.5 else WIDTH_PX)
+    assert trials.settle_in_use_s == pytest.approx(1.6)
     assert sum(each < 1.5 for each in given[100:]) < 60  # one now and then
 
 
 def test_time_is_given_back_where_the_stars_have_gone():
     trials = SettleTrials(2.0)
     after(trials, still, 0.03, 200, 1)
-    assert trials.kept_s == SHORTEST_S
+    assert trials.settle_in_use_s == SHORTEST_S
     for _ in range(400):
-        seconds = trials.seconds
-        trials.begun()
-        trials.seen(WIDTH_PX if seconds >= 1.9 else None)
-    assert trials.kept_s > 1.5
+        seconds = trials.next_settle_s
+        trials.begin_next_leap()
+        trials.add_star_width(WIDTH_PX if seconds >= 1.9 else None)
+    assert trials.settle_in_use_s > 1.5
 
 
 def test_a_frame_that_is_of_no_leap_counts_for_none():
     trials = SettleTrials(2.0)
     for _ in range(100):
-        trials.begun()
-        trials.lost()
-        assert trials.seen(WIDTH_PX) is None
-    assert trials.kept_s == 2.0
+        trials.begin_next_leap()
+        trials.forget_leap()
+        assert trials.add_star_width(WIDTH_PX) is None
+    assert trials.settle_in_use_s == 2.0
 
 
 def test_what_is_configured_as_nothing_stays_nothing():
@@ -138,8 +140,8 @@ def test_what_is_configured_as_nothing_stays_nothing():
 def test_what_is_kept_is_said_once():
     trials, said = SettleTrials(2.0), []
     for _ in range(8):
-        trials.begun()
-        said.append(trials.seen(WIDTH_PX))
+        trials.begin_next_leap()
+        said.append(trials.add_star_width(WIDTH_PX))
     assert [each for each in said if each] == [
         "the mount is given 1.6 s to settle: stars are as sharp as after 2.0 s (2.6 px, 2.6 px)"
     ]

@@ -514,7 +514,7 @@ def test_an_exposure_for_some_frames_goes_back_to_the_night_s_own():
 
     night = Config.model_validate({"exposure": {"automatic": True}})
     pace = Pace()
-    temporary = TemporarySettings(pace.of_night)
+    temporary = TemporarySettings(pace.config_before_track)
     paced, _ = pace.after(night, track(167.0))
     assert paced.exposure.exposure_s != night.exposure.exposure_s
     temporary.remember_setting(paced, "exposure.exposure_s", 1)

@@ -9,8 +9,8 @@ import pytest
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.instruments import connect_instruments
-from rsoconsole.simulator import binned, start_observatory, world_from
-from rsoconsole.sky import describe, iso_to_utc_ns, separation_deg, wcs_from_cards
+from rsoconsole.simulator import binned_optics, start_observatory, world_from
+from rsoconsole.sky import describe_field, iso_to_utc_ns, separation_deg, wcs_from_cards
 from tests.truth.frame_truth import truth_from_json
 
 NS = 1_000_000_000
@@ -30,12 +30,12 @@ def telescope(folder, world):
         *("intelsat-14", 1, 0, truth_path),
         width_px=WIDTH_PX,
         height_px=HEIGHT_PX,
-        world=world_from(world).named(),
+        world=world_from(world).non_default_settings(),
     ) as observatory:
         config = Config.model_validate(
             {
                 "indi": {"port": observatory.port, "simulated": True},
-                "optics": binned(optics, world_from(world)).model_dump(),
+                "optics": binned_optics(optics, world_from(world)).model_dump(),
             }
         )
         with connect_instruments(config, log_dir=folder) as instruments:
@@ -120,7 +120,7 @@ def test_a_header_in_whole_seconds_binned_pixels_and_a_turned_camera(tmp_path):
             # The driver believes in the configured focal length.
             assert header["FOCALLEN"] == 620.0
             assert frame.scale_arcsec_px == pytest.approx(2.0 * 1.2642, rel=1e-3)
-            plate = describe(wcs_from_cards(truth.wcs_cards), WIDTH_PX // 2, HEIGHT_PX // 2)
+            plate = describe_field(wcs_from_cards(truth.wcs_cards), WIDTH_PX // 2, HEIGHT_PX // 2)
             assert plate.scale_arcsec_px == pytest.approx(2.0 * 1.2642 / 1.02, rel=1e-3)
             rotations_deg.append(plate.rotation_deg)
             times_s.append(truth.t_mid_utc_ns / NS)

@@ -41,7 +41,7 @@ def opened(setting: str, folder: Path, *missing: str) -> str:
 
 def test_the_owner_s_choice_wins_where_it_loads(tmp_path: Path) -> None:
     assert [each.name for each in LIBRARIES] == ["pyindi", "indipyclient"]
-    if not LIBRARIES[0].is_there:
+    if not LIBRARIES[0].is_installed:
         pytest.skip("pyindi-client is not installed")
     assert opened("auto", tmp_path) == "pyindi"
     assert opened("indipyclient", tmp_path) == "indipyclient"

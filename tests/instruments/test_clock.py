@@ -53,7 +53,7 @@ def looked(
     found: list[ClockFault] = []
     for _ in range(round(seconds / every_s)):
         machine.run(every_s, rate=rate)
-        found += watch.look(machine.read())
+        found += watch.find_faults(machine.read())
     return found
 
 
@@ -121,7 +121,7 @@ def test_looks_right_behind_each_other_make_no_speed_of_a_step(machine: Machine,
     for step_s, apart_s in ((1.0, 0.001), (0.0, 1.0), (3600.0, 3.0)):
         machine.run(apart_s)
         machine.step(step_s)
-        found += watch.look(machine.read())
+        found += watch.find_faults(machine.read())
     assert [(each.kind, round(each.seconds)) for each in found] == [("set", 1), ("set", 3600)]
 
 
@@ -130,7 +130,7 @@ def test_looks_at_uneven_intervals_find_it_too(machine: Machine, watch: ClockWat
     found: list[ClockFault] = []
     for every_s in (0.25, 0.7, 0.3, 0.25, 0.9, 0.25) * 3:
         machine.run(every_s, rate=rate)
-        found += watch.look(machine.read())
+        found += watch.find_faults(machine.read())
     assert [each.kind for each in found] == ["set", "runs wrong"]
 
 
@@ -160,7 +160,7 @@ def test_a_machine_that_slept_was_not_set(machine: Machine, watch: ClockWatch):
 
 def test_a_process_that_stood_still_was_not_set(machine: Machine, watch: ClockWatch):
     machine.run(60.0)
-    found = [*watch.look(machine.read()), *looked(machine, watch, 30.0)]
+    found = [*watch.find_faults(machine.read()), *looked(machine, watch, 30.0)]
     (fault,) = found
     assert (fault.kind, fault.seconds) == ("stood still", pytest.approx(60.0, abs=0.5))
 

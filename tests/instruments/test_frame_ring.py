@@ -19,8 +19,8 @@ def ring():
 def frame(ring: FrameRing, value: int) -> np.ndarray:
     """A frame of this value, through the slot that is free."""
     slot = ring.free_slot()
-    ring.room(slot, SHAPE, np.uint16)[...] = value
-    return ring.take(slot, np.uint16, SHAPE)
+    ring.writable_slot(slot, SHAPE, np.uint16)[...] = value
+    return ring.lend_slot(slot, np.uint16, SHAPE)
 
 
 def test_one_frame_after_another_takes_one_slot(ring):
@@ -33,7 +33,7 @@ def test_one_frame_after_another_takes_one_slot(ring):
 
 def test_a_frame_is_no_copy_and_cannot_be_changed(ring):
     taken = frame(ring, 7)
-    ring.room(0, SHAPE, np.uint16)[0, 0] = 8
+    ring.writable_slot(0, SHAPE, np.uint16)[0, 0] = 8
     assert taken[0, 0] == 8
     with pytest.raises(ValueError, match="read-only"):
         taken[0, 0] = 9
@@ -62,4 +62,4 @@ def test_a_frame_outlives_the_ring():
 
 def test_a_frame_larger_than_a_slot_is_refused_with_the_remedy(ring):
     with pytest.raises(FrameError, match=r"optics\.width_px"):
-        ring.room(0, (640, 800), np.uint16)
+        ring.writable_slot(0, (640, 800), np.uint16)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.instruments import camera_mode
-from rsoconsole.instruments.frames.frame_header import start
+from rsoconsole.instruments.frames.frame_header import exposure_start
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import utc_ns_to_iso
 
@@ -60,7 +60,7 @@ TOUPTEK = {
     ],
 )
 def test_the_receivers_time_is_the_frames(header: dict[str, Any], begins: str) -> None:
-    t_utc_ns, note = start(header)
+    t_utc_ns, note = exposure_start(header)
     assert note is None
     assert t_utc_ns is not None
     # Its middle is the middle of opening and closing: half the microseconds that EXPTIME lacks.
@@ -79,7 +79,7 @@ def test_the_receivers_time_is_the_frames(header: dict[str, Any], begins: str) -
 )
 def test_a_receiver_that_cannot_be_believed_is_said_and_not_used(change, why) -> None:
     header = NINA | change
-    t_utc_ns, note = start(header)
+    t_utc_ns, note = exposure_start(header)
     assert t_utc_ns == iso_to_utc_ns("2024-01-21T11:43:31.100")
     assert note is not None
     assert why in note
@@ -88,19 +88,19 @@ def test_a_receiver_that_cannot_be_believed_is_said_and_not_used(change, why) ->
 
 def test_without_a_lock_and_without_date_obs_there_is_no_time() -> None:
     header = NINA | {"DATE-OBS": "", "GPS_SFLG": 1}
-    assert start(header)[0] is None
+    assert exposure_start(header)[0] is None
 
 
 def test_the_fits_standards_own_times_stand_in_for_date_obs() -> None:
     middle = {"DATE-AVG": "2024-01-21T11:43:32.5", "EXPTIME": 3.0}
-    assert start(middle)[0] == iso_to_utc_ns("2024-01-21T11:43:31")
+    assert exposure_start(middle)[0] == iso_to_utc_ns("2024-01-21T11:43:31")
     begin = middle | {"DATE-BEG": "2024-01-21T11:43:31.25"}
-    assert start(begin)[0] == iso_to_utc_ns("2024-01-21T11:43:31.25")
-    assert start(begin | {"DATE-OBS": "2024-01-21T00:00:00"})[0] == iso_to_utc_ns(
+    assert exposure_start(begin)[0] == iso_to_utc_ns("2024-01-21T11:43:31.25")
+    assert exposure_start(begin | {"DATE-OBS": "2024-01-21T00:00:00"})[0] == iso_to_utc_ns(
         "2024-01-21T00:00"
     )
-    assert start({"DATE-AVG": "2024-01-21T11:43:32.5"})[0] is None
-    t_utc_ns, note = start(begin | {"TIMESYS": "TAI"})
+    assert exposure_start({"DATE-AVG": "2024-01-21T11:43:32.5"})[0] is None
+    t_utc_ns, note = exposure_start(begin | {"TIMESYS": "TAI"})
     assert t_utc_ns is None
     assert note is not None
     assert "TIMESYS is TAI" in note

@@ -7,12 +7,17 @@ import pytest
 
 from models.star_catalogue import read_index
 from rsoconsole.base import SolverError
-from rsoconsole.instruments import IndexFile, install, list_index_files, needed_scales
+from rsoconsole.instruments import (
+    IndexFile,
+    install_index_files,
+    list_index_files,
+    needed_tycho_numbers,
+)
 from rsoconsole.instruments.solver import index_files
 from rsoconsole.instruments.solver import index_files as index_install
 from rsoconsole.instruments.solver.index_files import (
     choose_index_files,
-    search_dirs,
+    folders_to_search,
     shipped_index_dir,
 )
 from rsoconsole.sky import separation_deg
@@ -78,7 +83,7 @@ def test_a_missing_folder_is_merely_empty(tmp_path):
 
 
 def test_search_goes_from_the_configured_folder_to_the_shipped_one(tmp_path):
-    dirs = search_dirs((tmp_path,))
+    dirs = folders_to_search((tmp_path,))
     assert dirs[0] == tmp_path
     assert dirs[-1] == shipped_index_dir()
 
@@ -94,12 +99,12 @@ def test_search_goes_from_the_configured_folder_to_the_shipped_one(tmp_path):
     ],
 )
 def test_needed_scales_follow_the_field(field_deg, scales):
-    assert needed_scales(field_deg) == scales
+    assert needed_tycho_numbers(field_deg) == scales
 
 
 def test_a_field_too_small_for_tycho_is_refused_with_a_remedy():
     with pytest.raises(SolverError, match="5200"):
-        needed_scales((0.15, 0.1))
+        needed_tycho_numbers((0.15, 0.1))
 
 
 def test_whole_sky_files_displace_the_belt_and_the_first_found_wins():
@@ -117,7 +122,7 @@ def test_install_from_an_unpacked_package_finds_nested_files(tmp_path):
     nested.mkdir(parents=True)
     shutil.copy(shipped(), nested / "index-tycho2-10.littleendian.fits")
     seen = []
-    installed = install(
+    installed = install_index_files(
         [10], from_dir=tmp_path / "deb", into=tmp_path / "into", progress=lambda *a: seen.append(a)
     )
     assert [file.path.name for file in installed] == ["index-tycho2-10.littleendian.fits"]
@@ -131,19 +136,19 @@ def test_install_refuses_a_truncated_file_and_leaves_nothing(tmp_path):
     source.mkdir()
     (source / "index-4110.fits").write_bytes(shipped().read_bytes()[:100_000])
     with pytest.raises(SolverError, match="truncated"):
-        install([10], from_dir=source, into=tmp_path / "into")
+        install_index_files([10], from_dir=source, into=tmp_path / "into")
     assert list((tmp_path / "into").iterdir()) == []
 
 
 def test_install_names_what_the_folder_lacks(tmp_path):
     shutil.copy(shipped(), tmp_path)
     with pytest.raises(SolverError, match="number 8, 9"):
-        install([8, 9, 10], from_dir=tmp_path, into=tmp_path / "into")
+        install_index_files([8, 9, 10], from_dir=tmp_path, into=tmp_path / "into")
 
 
 def test_install_refuses_numbers_that_do_not_exist(tmp_path):
     with pytest.raises(SolverError, match="7 to 19"):
-        install([3], into=tmp_path)
+        install_index_files([3], into=tmp_path)
 
 
 def fake_download(content: bytes):
@@ -164,7 +169,7 @@ def test_download_is_checked_and_moved_into_place(tmp_path, monkeypatch):
     series = astrometry.series_4100
     monkeypatch.setattr(series, "index_files", fake_download(content), raising=False)
     monkeypatch.setitem(series.scale_to_sizes, 10, (len(content),))
-    (installed,) = install([10], into=tmp_path)
+    (installed,) = install_index_files([10], into=tmp_path)
     assert installed.path == tmp_path / "index-4110.fits"
     assert [p.name for p in tmp_path.iterdir()] == ["index-4110.fits"]
 
@@ -175,7 +180,7 @@ def test_a_download_cut_short_is_refused(tmp_path, monkeypatch):
     series = astrometry.series_4100
     monkeypatch.setattr(series, "index_files", fake_download(shipped().read_bytes()[:50_000]))
     with pytest.raises(SolverError, match="broken"):
-        install([10], into=tmp_path)
+        install_index_files([10], into=tmp_path)
     assert list_index_files([tmp_path]) == ()
 
 
@@ -187,7 +192,7 @@ def test_a_machine_without_internet_is_told_the_other_way(tmp_path, monkeypatch)
 
     monkeypatch.setattr("astrometry.series_4100.index_files", no_network)
     with pytest.raises(SolverError, match="--from DIR"):
-        install([10], into=tmp_path)
+        install_index_files([10], into=tmp_path)
 
 
 def test_install_keeps_what_is_already_whole(tmp_path, monkeypatch):
@@ -195,4 +200,4 @@ def test_install_keeps_what_is_already_whole(tmp_path, monkeypatch):
     monkeypatch.setattr(
         index_install, "list_index_files", lambda _dirs: (whole(10, "index-4110.fits"),)
     )
-    assert install([10], into=tmp_path)[0].scale == 10
+    assert install_index_files([10], into=tmp_path)[0].scale == 10

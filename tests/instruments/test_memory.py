@@ -14,7 +14,7 @@ import pytest
 from rsoconsole.config import IndiConfig, OpticsConfig
 from rsoconsole.instruments.camera.camera import IndiCamera
 from rsoconsole.instruments.observatory.clock import SimulatedClock
-from rsoconsole.instruments.process_memory import forget_contents
+from rsoconsole.instruments.process_memory import discard_pages
 from rsoconsole.simulator import start_observatory
 from rsoconsole.simulator.launch import Observatory
 from tests.children.indi_clients import OTHERS_NIGHTLY
@@ -101,20 +101,20 @@ def test_only_whole_pages_within_the_range_are_forgotten():
     ctypes.memset(held, 7, len(held))
     start = ctypes.addressof(held)
     inner = -(-start // page) * page - start + page
-    if not forget_contents(start + inner - 5, 3 * page + 10):
+    if not discard_pages(start + inner - 5, 3 * page + 10):
         pytest.skip("this system gives no pages back")
     assert set(held[inner : inner + 3 * page]) == {0}
     assert set(held[:inner]) == {7}
     assert set(held[inner + 3 * page :]) == {7}
-    assert not forget_contents(start + 1, 10)
+    assert not discard_pages(start + 1, 10)
     assert set(held[:20]) == {7}
 
 
 FREEING = """
 import threading
 import numpy as np
-from rsoconsole.instruments import return_freed_blocks
-assert return_freed_blocks()
+from rsoconsole.instruments import return_freed_blocks_at_once
+assert return_freed_blocks_at_once()
 def resident_kib():
     for line in open("/proc/self/status"):
         if line.startswith("VmRSS"):

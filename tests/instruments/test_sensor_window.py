@@ -43,7 +43,7 @@ class ScriptedClient:
             return self.vector(name, {"HOR_BIN": float(self.binning)})
         return self.vector(name, {"CCD_MAX_X": 4656.0, "CCD_MAX_Y": 3520.0})
 
-    def reason_since(self, after: int) -> str:
+    def failure_reason_since(self, after: int) -> str:
         return "no such part"
 
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:

@@ -158,7 +158,8 @@ def test_sky_without_index_files_names_the_remedy(solver):
 
 def test_no_index_files_at_all_is_an_error_with_a_remedy(monkeypatch, tmp_path):
     monkeypatch.setattr(
-        "rsoconsole.instruments.solver.solver.search_dirs", lambda _dirs: (tmp_path / "nowhere",)
+        "rsoconsole.instruments.solver.solver.folders_to_search",
+        lambda _dirs: (tmp_path / "nowhere",),
     )
     with pytest.raises(SolverError, match="rsoconsole index install"):
         PlateSolver()

@@ -24,7 +24,7 @@ class SaidClient(IndiClient):
     def _send_switch(self, name: str, member: str) -> None:
         pass
 
-    def take_blobs(self, name: str) -> None:
+    def enable_blobs(self, name: str) -> None:
         pass
 
     def _let_go(self, content: memoryview) -> None:
@@ -54,9 +54,9 @@ def client() -> SaidClient:
 def test_what_was_said_before_the_order_is_no_reason(client: SaidClient):
     client.says("2026-11-28T07:17:15: [ERROR] Slew aborted: cable")
     before = client.send_switch("PARK", "PARK")
-    assert client.words_since(before) == ""
+    assert client.driver_message_since(before) == ""
     client.answers("Alert")
-    assert client.reason_since(before) == "no reason given"
+    assert client.failure_reason_since(before) == "no reason given"
 
 
 def test_what_is_said_after_it_is(client: SaidClient):
@@ -64,16 +64,16 @@ def test_what_is_said_after_it_is(client: SaidClient):
     before = client.send_numbers("COORD", {"RA": 1.0})
     client.says("2026-11-28T07:17:15.5: [ERROR] Parking failed, home first")
     client.answers("Alert")
-    assert client.reason_since(before) == "[ERROR] Parking failed, home first"
+    assert client.failure_reason_since(before) == "[ERROR] Parking failed, home first"
     # The next order has its own words, or none.
-    assert client.words_since(client.send_switch("PARK", "PARK")) == ""
+    assert client.driver_message_since(client.send_switch("PARK", "PARK")) == ""
 
 
 def test_an_error_counts_more_than_what_is_said_beside_it(client: SaidClient):
-    before = client.serial()
+    before = client.last_update_number()
     for words in ("[INFO] Slewing", "[WARNING] slow", "[ERROR] below horizon", "[INFO] Tracking"):
         client.says(words)
-    assert client.words_since(before) == "[ERROR] below horizon"
+    assert client.driver_message_since(before) == "[ERROR] below horizon"
 
 
 def test_a_reason_that_comes_just_behind_the_answer_is_waited_for(client: SaidClient):
@@ -86,7 +86,7 @@ def test_a_reason_that_comes_just_behind_the_answer_is_waited_for(client: SaidCl
 
     thread = threading.Thread(target=late)
     thread.start()
-    assert client.reason_since(before) == "[ERROR] home first"
+    assert client.failure_reason_since(before) == "[ERROR] home first"
     thread.join()
 
 

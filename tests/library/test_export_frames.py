@@ -14,7 +14,7 @@ from astropy.wcs import WCS
 from rsoconsole.base import ExportError
 from rsoconsole.instruments import read_frame
 from rsoconsole.library import ExportOptions, export, parse_numbers
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.library.formats.solved_fits import SIGMAS, frames_on_record, to_regions
 from rsoconsole.records import Frame
 from rsoconsole.sky import pixel_to_sky, wcs_from_cards, wrap_180
@@ -128,7 +128,7 @@ def test_times_are_the_shutters(exported: Path):
 
 
 def test_the_streaks_stand_in_a_table_behind_the_image(session: Path, exported: Path):
-    rows = [row for row in read_night(session).rows if row.frame_id == 5]
+    rows = [row for row in read_exported_night(session).rows if row.frame_id == 5]
     with fits.open(exported / "000005.fits.fz", checksum=True) as hdus:
         table, header = hdus["STREAKS"].data, hdus["STREAKS"].header
         assert len(table) == len(rows) == 2
@@ -221,7 +221,7 @@ def shapes(text: str) -> list[tuple[str, dict[str, float]]]:
 def test_regions_stand_where_the_night_has_them(session: Path, tmp_path: Path):
     made = export(session, "regions", tmp_path, ExportOptions(frames=(5,)))
     found = shapes(made.files[0].read_text())
-    rows = [row for row in read_night(session).rows if row.frame_id == 5]
+    rows = [row for row in read_exported_night(session).rows if row.frame_id == 5]
     assert [name for name, _ in found] == 2 * ["line", "circle", "circle", "point"] + ["ellipse"]
     for row, values in zip(rows, [v for n, v in found if n == "point"], strict=True):
         assert values["ra"] == pytest.approx(row.ra_icrs_deg, abs=1e-8)
@@ -234,7 +234,7 @@ def test_regions_stand_where_the_night_has_them(session: Path, tmp_path: Path):
 
 
 def test_the_ellipse_is_three_sigma_of_the_prediction(session: Path):
-    night = read_night(session)
+    night = read_exported_night(session)
     frame = frames_on_record(session, night.rows)[5]
     tilted = list(map(list, frame.predicted.P))
     tilted[0][0], tilted[2][2] = (4 / 3600) ** 2, (2 / 3600) ** 2
@@ -267,7 +267,7 @@ def test_every_frame_has_its_regions_and_braces_in_words_break_nothing(session: 
     assert len(made.files) == 14
     for path in made.files:
         shapes(path.read_text())
-    night = read_night(session)
+    night = read_exported_night(session)
     frame = frames_on_record(session, night.rows)[5]
     frame.rows[1] = replace(frame.rows[1], not_taken_because="a {b}\n} # c é")
     shapes(to_regions(frame))

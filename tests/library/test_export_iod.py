@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from rsoconsole.base import ExportError
 from rsoconsole.library import ExportOptions, ReadOptions, Target, read_observations, render
-from rsoconsole.library.formats._iod_reader import parse_iod
+from rsoconsole.library.formats._iod_reader import parse_iod_line
 from rsoconsole.library.formats.iod import (
     mantissa_exponent_code,
     position_sigma_arcsec,
-    rounded_to_ms_ns,
+    round_to_ms_utc_ns,
     to_iod,
 )
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns, wrap_180
 from tests.nights.export_nights import LEAP, NS, closed_night, night_of, read_iod, taken_rows
@@ -36,7 +36,7 @@ ARCSEC = 1 / 3600
 
 def is_iod(line: str) -> bool:
     try:
-        parse_iod(line)
+        parse_iod_line(line)
     except ExportError:
         return False
     return True
@@ -93,14 +93,16 @@ HEAD = "12345 98 123A   2007 G 20081122112233444 56"
     ],
 )
 def test_all_angle_formats_are_read(code, angles, first_deg, second_deg):
-    found = parse_iod(f"{HEAD} {code}5 {angles} 39")
+    found = parse_iod_line(f"{HEAD} {code}5 {angles} 39")
     assert found.angle_format == code
     assert found.first_deg == pytest.approx(first_deg, abs=1e-9)
     assert found.second_deg == pytest.approx(second_deg, abs=1e-9)
 
 
 def test_all_else_in_a_line_is_read_too():
-    found = parse_iod("12345 98 123LEO 2007 B 20081122112233    18 75 1122334+112222 36 V+110 1")
+    found = parse_iod_line(
+        "12345 98 123LEO 2007 B 20081122112233    18 75 1122334+112222 36 V+110 1"
+    )
     assert (found.norad_id, found.cospar) == (12345, "1998-123LEO")
     assert found.station == "2007"
     assert found.t_utc_ns == iso_to_utc_ns("2008-11-22T11:22:33Z")
@@ -108,13 +110,13 @@ def test_all_else_in_a_line_is_read_too():
     assert found.time_sigma_s == 1.0
     assert found.epoch_year == 2000
     assert found.position_sigma_arcsec == pytest.approx(3 * 0.01 * 3600)
-    flash = parse_iod(
+    flash = parse_iod_line(
         "12345 98 123UNK 2007 F 200811221123400   27                      P-010 05  10000"
     )
     assert (flash.first_deg, flash.time_sigma_s) == (None, 0.2)
-    absent = parse_iod("                2007 O 20081122")
+    absent = parse_iod_line("                2007 O 20081122")
     assert (absent.norad_id, absent.t_step_ns) == (None, 86_400 * NS)
-    assert parse_iod(f"{HEAD} 2  1256405+515478 39").epoch_year is None
+    assert parse_iod_line(f"{HEAD} 2  1256405+515478 39").epoch_year is None
 
 
 @pytest.mark.parametrize(
@@ -127,13 +129,13 @@ def test_all_else_in_a_line_is_read_too():
 )
 def test_angles_beyond_the_sky_are_refused(angles, says):
     with pytest.raises(ExportError, match=says):
-        parse_iod(f"{HEAD} {angles} 39")
+        parse_iod_line(f"{HEAD} {angles} 39")
 
 
 @pytest.mark.parametrize("day", ["20081322", "20080230", "20081122240000000", "20081122116000000"])
 def test_days_and_hours_that_there_are_not_are_refused(day):
     with pytest.raises(ExportError, match="not a"):
-        parse_iod(f"12345 98 123A   2007 G {day}")
+        parse_iod_line(f"12345 98 123A   2007 G {day}")
 
 
 @settings(max_examples=80, suppress_health_check=[HealthCheck.too_slow], deadline=None)
@@ -144,7 +146,7 @@ def test_what_is_written_is_read_to_the_formats_precision(rows):
     assert len(lines) == len(rows)
     for row, line in zip(rows, lines, strict=True):
         assert len(line) == 64
-        read = parse_iod(line)
+        read = parse_iod_line(line)
         assert read.angle_format == 2
         assert read.epoch_year == 2000
         assert read.first_deg is not None
@@ -176,7 +178,7 @@ def test_what_is_written_is_read_to_the_formats_precision(rows):
     ],
 )
 def test_small_and_large_declinations_keep_their_sign(dec_deg, written):
-    row = replace(read_night(SAMPLE).rows[0], dec_icrs_deg=dec_deg)
+    row = replace(read_exported_night(SAMPLE).rows[0], dec_icrs_deg=dec_deg)
     line = to_iod(night_of([row]), (1,), target=Target())
     assert line[54:61] == written
 
@@ -186,7 +188,7 @@ def test_small_and_large_declinations_keep_their_sign(dec_deg, written):
     [(359.9999, "0000000"), (359.9998, "2359999"), (0.0, "0000000"), (14.99999, "0100000")],
 )
 def test_right_ascension_goes_round_and_no_minute_is_60(ra_deg, written):
-    row = replace(read_night(SAMPLE).rows[0], ra_icrs_deg=ra_deg)
+    row = replace(read_exported_night(SAMPLE).rows[0], ra_icrs_deg=ra_deg)
     assert to_iod(night_of([row]), (1,), target=Target())[47:54] == written
 
 
@@ -202,16 +204,16 @@ def test_right_ascension_goes_round_and_no_minute_is_60(ra_deg, written):
     ],
 )
 def test_seconds_are_rounded_as_time_goes(iso, written):
-    row = replace(read_night(SAMPLE).rows[0], t_mid_utc_ns=iso_to_utc_ns(iso))
+    row = replace(read_exported_night(SAMPLE).rows[0], t_mid_utc_ns=iso_to_utc_ns(iso))
     assert to_iod(night_of([row]), (1,), target=Target())[23:40] == written
 
 
 @settings(deadline=None)
 @given(st.integers(LEAP - 3 * NS, LEAP + 3 * NS))
 def test_no_rounding_is_wrong_by_a_second(t_utc_ns):
-    assert abs(rounded_to_ms_ns(t_utc_ns) - t_utc_ns) <= 1_000_000
-    assert rounded_to_ms_ns(t_utc_ns) % 1_000_000 == 0
-    assert (rounded_to_ms_ns(t_utc_ns) >= LEAP) == (t_utc_ns >= LEAP)
+    assert abs(round_to_ms_utc_ns(t_utc_ns) - t_utc_ns) <= 1_000_000
+    assert round_to_ms_utc_ns(t_utc_ns) % 1_000_000 == 0
+    assert (round_to_ms_utc_ns(t_utc_ns) >= LEAP) == (t_utc_ns >= LEAP)
 
 
 @settings(deadline=None)
@@ -238,7 +240,7 @@ def test_uncertainties_beyond_the_field_are_its_ends(value, text):
 
 
 def test_the_position_is_as_sure_as_in_its_worst_direction():
-    row = read_night(SAMPLE).rows[0]
+    row = read_exported_night(SAMPLE).rows[0]
     along = replace(row, sigma_ra_arcsec=10.0, sigma_dec_arcsec=10.0, correlation=0.99)
     # The rounding adds 0.26 arcsec times cos Dec and 0.17; of 14 it makes nothing.
     assert position_sigma_arcsec(along) == pytest.approx(10.0 * math.sqrt(1.99), rel=1e-3)
@@ -248,7 +250,7 @@ def test_the_position_is_as_sure_as_in_its_worst_direction():
 
 def test_the_shutters_error_is_read_back_once(tmp_path: Path):
     """A low satellite, 3,000 arcsec/s to the east: 15 ms of shutter are 45 arcsec of its place."""
-    night = read_night(SAMPLE)
+    night = read_exported_night(SAMPLE)
     begin = night.rows[0]
     rate, own, shutter_s, exposure_s = 3000.0, 2.0, 0.015, 0.2
     rows = []
@@ -286,7 +288,7 @@ def test_the_shutters_error_is_read_back_once(tmp_path: Path):
 
 
 def test_the_clocks_offset_is_part_of_the_times_error():
-    rows = read_night(SAMPLE).rows[:1]
+    rows = read_exported_night(SAMPLE).rows[:1]
     assert to_iod(night_of(rows), (1,), target=Target())[41:43] == "26"
     late = to_iod(night_of(rows, clock_offset_s=-0.3), (1,), target=Target())
     assert late[41:43] == "37"
@@ -340,11 +342,11 @@ def test_a_cut_streak_is_not_reported(tmp_path: Path):
     session = closed_night(tmp_path / "clipped", clipped=(5,))
     text, made = render(session, "iod", ExportOptions())
     assert made.left_out["cut by the frame's edge"] == 1
-    assert len(text.splitlines()) == len(read_night(session).of_track(1)) - 1
+    assert len(text.splitlines()) == len(read_exported_night(session).track_measurements(1)) - 1
 
 
 def test_blanks_at_the_end_of_a_line_change_nothing():
     flash = "12345 98 123UNK 2007 F 200811221123400   27                      P-010 05  10000"
     for line in (flash, f"{HEAD} 25 1256405+515478 39", "                2007 O 20081122"):
-        assert parse_iod(line + "   \r\n") == parse_iod(line)
-    assert parse_iod(HEAD + 21 * " ").first_deg is None
+        assert parse_iod_line(line + "   \r\n") == parse_iod_line(line)
+    assert parse_iod_line(HEAD + 21 * " ").first_deg is None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rsoconsole.config import Config
 from rsoconsole.library import ExportOptions, export
 from rsoconsole.library.formats.api import to_csv, to_ecsv, to_jsonl
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.library.formats.rows import COLUMNS
 from rsoconsole.session import SessionWriter
 from tests.nights.export_nights import (
@@ -43,7 +43,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_measurement_is_a_row_and_the_track_took_one_a_frame(session: Path):
-    rows = read_night(session).rows
+    rows = read_exported_night(session).rows
     assert len(rows) == 2 * (14 - len(MISSED))
     taken = [row for row in rows if row.is_taken]
     assert [row.frame_id for row in taken] == [n for n in range(1, 15) if n not in MISSED]
@@ -57,7 +57,7 @@ def test_every_measurement_is_a_row_and_the_track_took_one_a_frame(session: Path
 
 
 def test_errors_are_on_the_sky_and_residuals_are_measured_minus_predicted(session: Path):
-    rows = [row for row in read_night(session).rows if row.is_taken]
+    rows = [row for row in read_exported_night(session).rows if row.is_taken]
     for row in rows:
         assert row.sigma_ra_arcsec == pytest.approx(0.3)
         assert row.sigma_dec_arcsec == pytest.approx(0.2)
@@ -76,11 +76,13 @@ def test_errors_are_on_the_sky_and_residuals_are_measured_minus_predicted(sessio
 
 
 def test_the_first_measurement_of_a_track_is_its_own_though_no_state_speaks_of_it(session: Path):
-    first = next(row for row in read_night(session).rows if row.is_taken)
+    first = next(row for row in read_exported_night(session).rows if row.is_taken)
     assert first.frame_id == 1
     assert first.track == 1
     assert first.dec_icrs_deg == pytest.approx(-0.25 + WOBBLE_ARCSEC / 3600.0)
-    stray = [row for row in read_night(session).rows if row.frame_id == 1 and not row.is_taken]
+    stray = [
+        row for row in read_exported_night(session).rows if row.frame_id == 1 and not row.is_taken
+    ]
     assert stray[0].dec_icrs_deg - first.dec_icrs_deg == pytest.approx(STRAY_ARCSEC / 3600.0)
 
 
@@ -89,7 +91,7 @@ def test_a_session_comes_back_as_it_was(kind, session: Path, scratch: Path):
     for source in (session, SAMPLE):
         path = scratch / f"{source.name}.{kind}"
         made = export(source, kind, path)
-        rows = read_night(source).rows
+        rows = read_exported_night(source).rows
         assert READERS[kind](path) == rows
         assert made.measurements == len(rows)
         assert made.path == path
@@ -122,7 +124,7 @@ def test_ecsv_carries_every_value_exactly(scratch: Path, rows):
 
 
 def test_negative_zero_keeps_its_sign(session: Path, scratch: Path):
-    row = replace(read_night(session).rows[0], dec_icrs_deg=-0.0)
+    row = replace(read_exported_night(session).rows[0], dec_icrs_deg=-0.0)
     path = scratch / "zero.csv"
     path.write_text(to_csv([row]), encoding="utf-8")
     assert math.copysign(1.0, read_csv(path)[0].dec_icrs_deg) == -1.0
@@ -154,7 +156,7 @@ def test_ecsv_has_times_and_directions_as_astropy_knows_them(session: Path, scra
     path = scratch / "mixed.ecsv"
     export(session, "ecsv", path)
     table = QTable.read(path)
-    rows = read_night(session).rows
+    rows = read_exported_night(session).rows
     assert isinstance(table["t_mid_utc"], Time)
     assert isinstance(table["direction"], SkyCoord)
     assert table["t_mid_utc"].scale == "utc"
@@ -193,10 +195,10 @@ def ruled_session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_what_the_operator_refused_is_not_the_nights_result(ruled_session: Path):
-    rows = read_night(ruled_session).rows
+    rows = read_exported_night(ruled_session).rows
     assert 8 not in {row.frame_id for row in rows}
     assert not any(row.is_superseded for row in rows)
-    whole = read_night(ruled_session, everything=True).rows
+    whole = read_exported_night(ruled_session, everything=True).rows
     assert {*rows} < {*whole}
     (refused,) = [row for row in whole if row.is_superseded]
     assert refused.frame_id == 8
@@ -208,5 +210,5 @@ def test_all_says_which_rows_count_no_more(ruled_session: Path, tmp_path: Path):
     path = tmp_path / "all.csv"
     made = export(ruled_session, "csv", path, ExportOptions(everything=True))
     rows = read_csv(path)
-    assert made.measurements == len(rows) == len(read_night(ruled_session).rows) + 1
+    assert made.measurements == len(rows) == len(read_exported_night(ruled_session).rows) + 1
     assert sum(row.is_superseded for row in rows) == 1

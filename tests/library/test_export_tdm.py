@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from rsoconsole.base import ExportError, OrbitError
 from rsoconsole.library import ExportOptions, ReadOptions, Target, export, read_observations, render
 from rsoconsole.library.formats._tdm_reader import parse_tdm
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.library.formats.tdm import LONGEST_LINE, aberration_deg, to_tdm
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns, wrap_180
@@ -87,7 +87,7 @@ def test_orekit_reads_the_same_angles_at_the_same_epochs(source, orekit: Judge, 
     assert segment["angle_type"] == "RADEC"
     assert segment["frame"] == "EME2000"
     assert segment["integration_s"] == 10.0
-    rows = read_night(session).of_track(1)
+    rows = read_exported_night(session).track_measurements(1)
     assert made.measurements == len(rows) == len(segment["rows"]) // 2 >= 12
     assert {row[0] for row in segment["rows"]} == {"ANGLE_1", "ANGLE_2"}
     for name, day, clock, value in segment["rows"]:
@@ -170,7 +170,7 @@ def test_what_is_written_is_read_to_the_formats_precision(rows):
 
 
 def test_edges_are_written_so_that_orekit_reads_them(orekit: Judge, tmp_path: Path):
-    base = read_night(SAMPLE).of_track(1)[:4]
+    base = read_exported_night(SAMPLE).track_measurements(1)[:4]
     edges = [(359.9999999999, -0.5 / 60), (1e-12, 90.0), (0.0, -90.0), (180.0, -1e-13)]
     leap = iso_to_utc_ns("2017-01-01T00:00:00Z")
     instants = [leap - NS, leap - 400_000, leap, leap + 1]
@@ -192,7 +192,7 @@ def test_edges_are_written_so_that_orekit_reads_them(orekit: Judge, tmp_path: Pa
 def test_a_streak_that_the_frame_cuts_is_not_sent(tmp_path: Path):
     session = closed_night(tmp_path / "clipped", clipped=(5,))
     text, made = render(session, "tdm", ExportOptions())
-    rows = read_night(session).of_track(1)
+    rows = read_exported_night(session).track_measurements(1)
     assert 5 in {row.frame_id for row in rows if row.is_clipped}
     assert made.left_out["cut by the frame's edge"] == 1
     assert made.measurements == len(rows) - 1
@@ -202,11 +202,11 @@ def test_a_streak_that_the_frame_cuts_is_not_sent(tmp_path: Path):
 
 def test_each_satellite_that_was_followed_has_its_segment(tmp_path: Path):
     session = closed_night(tmp_path / "two", most_tracks=12)
-    night = read_night(session)
+    night = read_exported_night(session)
     segments = parse_tdm(render(session, "tdm", ExportOptions())[0]).segments
     assert [each.metadata["PARTICIPANT_2"] for each in segments] == ["UNKNOWN-1", "UNKNOWN-2"]
     for number, segment in enumerate(segments, 1):
-        own = {row.t_mid_utc_ns for row in night.of_track(number)}
+        own = {row.t_mid_utc_ns for row in night.track_measurements(number)}
         assert {angle.t_utc_ns for angle in segment.angles} == own
 
 
@@ -217,7 +217,7 @@ def test_each_track_says_what_it_was_named_together_with_the_others(tmp_path: Pa
     from tests.nights.orbit_night import BEST
 
     session = closed_night(tmp_path / "two", most_tracks=12)
-    night = read_night(session)
+    night = read_exported_night(session)
     assert night.names == {}
     assert "COMMENT Track" not in render(session, "tdm", ExportOptions())[0]
     likely = changed(BEST, name="ASTRA 1L", norad_id=31306, probability=0.6)
@@ -266,7 +266,7 @@ def test_who_and_what_are_named(tmp_path: Path):
 
 
 def test_a_title_of_two_lines_stays_a_comment():
-    night = replace(night_of(read_night(SAMPLE).rows), title="a\nANGLE_1 = 1\nµ")
+    night = replace(night_of(read_exported_night(SAMPLE).rows), title="a\nANGLE_1 = 1\nµ")
     message = parse_tdm(to_tdm(night, (1,), target=Target(), created_utc_ns=CREATED))
     assert len(message.segments[0].angles) == 27
 

@@ -15,9 +15,13 @@ from rsoconsole.base import SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.library import write_figures
-from rsoconsole.library.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
+from rsoconsole.library.notebook.figures.draw_sky import (
+    draw_errors,
+    draw_track,
+    draw_track_about_line,
+)
 from rsoconsole.library.notebook.figures.draw_time import draw_confidence, draw_nis, draw_residuals
-from rsoconsole.library.notebook.night.night import read_night, read_truth
+from rsoconsole.library.notebook.night.night import read_drawn_night, read_truth
 from rsoconsole.records import FrameTaken, Measurement
 from rsoconsole.session import BatchRecording
 from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
@@ -134,19 +138,21 @@ def marks(axis, marker):
 
 
 def test_a_night_is_gathered_frame_by_frame(session):
-    night = read_night(session)
+    night = read_drawn_night(session)
     assert [frame.frame_id for frame in night.frames] == list(range(1, FRAMES + 1))
-    assert [frame.frame_id for frame in night.frames if frame.missed] == list(MISSED)
+    assert [frame.frame_id for frame in night.frames if frame.lead_miss_reason] == list(MISSED)
     for frame in night.frames[1:]:
         is_missed = frame.frame_id in MISSED
-        assert (frame.measured is None) is is_missed
-        assert [each.confidence for each in frame.others] == ([] if is_missed else [0.3])
-    assert night.frames[0].measured is None, "before a track nothing was taken"
-    assert night.seconds(night.frames[-1]) == pytest.approx(30.0 * (FRAMES - 1))
+        assert (frame.lead_measured is None) is is_missed
+        assert [each.confidence for each in frame.other_measurements] == (
+            [] if is_missed else [0.3]
+        )
+    assert night.frames[0].lead_measured is None, "before a track nothing was taken"
+    assert night.seconds_since_start(night.frames[-1]) == pytest.approx(30.0 * (FRAMES - 1))
 
 
 def test_marks_are_the_papers_and_as_many_as_there_were(session):
-    for axis in drawn(draw_track, read_night(session)):
+    for axis in drawn(draw_track, read_drawn_night(session)):
         followed = FRAMES - 1 - len(MISSED)
         assert len(marks(axis, "s")) == len(marks(axis, "^")) == followed
         assert len(marks(axis, "o")) == FRAMES - 2, "every frame after the first two is predicted"
@@ -157,7 +163,7 @@ def test_marks_are_the_papers_and_as_many_as_there_were(session):
 
 
 def test_right_ascension_runs_through_0h_without_a_jump(session):
-    right_ascension, _ = drawn(draw_track, read_night(session))
+    right_ascension, _ = drawn(draw_track, read_drawn_night(session))
     values = [value for _, value in sorted(marks(right_ascension, "s"))]
     steps = [b - a for a, b in itertools.pairwise(values)]
     four_missed_frames_deg = 0.6
@@ -167,8 +173,8 @@ def test_right_ascension_runs_through_0h_without_a_jump(session):
 
 
 def test_misses_are_shaded_where_they_were(session):
-    night = read_night(session)
-    for draw in (draw_track, draw_about_line, draw_confidence, draw_residuals, draw_nis):
+    night = read_drawn_night(session)
+    for draw in (draw_track, draw_track_about_line, draw_confidence, draw_residuals, draw_nis):
         axis = drawn(draw, night)[0]
         columns = [
             patch.get_x() + patch.get_width() / 2
@@ -179,13 +185,13 @@ def test_misses_are_shaded_where_they_were(session):
 
 
 def test_about_the_line_the_marks_are_seconds_of_arc(session):
-    _, declination = drawn(draw_about_line, read_night(session))
+    _, declination = drawn(draw_track_about_line, read_drawn_night(session))
     assert all(abs(value) < 0.5 for _, value in marks(declination, "s"))
     assert "arcsec" in declination.get_ylabel()
 
 
 def test_residuals_lie_in_their_own_bounds(session):
-    night = read_night(session)
+    night = read_drawn_night(session)
     for index, axis in enumerate(drawn(draw_residuals, night)):
         points = marks(axis, "s")
         assert len(points) == FRAMES - 2 - len(MISSED)
@@ -200,7 +206,7 @@ def test_residuals_lie_in_their_own_bounds(session):
 
 
 def test_errors_are_those_of_the_satellite_that_was_followed(session, truth):
-    night = read_night(session)
+    night = read_drawn_night(session)
     places = read_truth(truth, night)
     assert {place.name for place in places.values()} == {"ALPHA"}
     east, north = drawn(draw_errors, night, places)
@@ -255,7 +261,7 @@ def test_what_cannot_be_drawn_is_said(tmp_path, tuned_session):
 
 def test_a_second_track_after_a_loss_is_drawn_too(tuned_session):
     """A miss between two tracks belongs to neither: the bounds are broken there."""
-    night = read_night(tuned_session)
+    night = read_drawn_night(tuned_session)
     frames = [
         replace(frame, predicted=None, updated=None) if frame.frame_id in MISSED else frame
         for frame in night.frames

@@ -11,11 +11,11 @@ from astropy.time import Time
 from rsoconsole.base import ConfigError, InputError, RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.library._given import (
-    config_of,
     configured_site,
     direction_deg,
+    in_unit,
     instants_utc_ns,
-    number,
+    resolve_config,
     site_of,
 )
 from rsoconsole.records import Site
@@ -37,7 +37,7 @@ MIDNIGHT_NS = 1_767_225_600_000_000_000
     ],
 )
 def test_numbers_come_in_the_unit_they_are_needed_in(value, unit, expected):
-    assert number(value, unit, "x") == pytest.approx(expected, rel=1e-12)
+    assert in_unit(value, unit, "x") == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_numbers_come_in_the_unit_they_are_needed_in(value, unit, expected):
 )
 def test_what_is_no_such_number_is_refused_by_name(value, words):
     with pytest.raises(InputError, match=words):
-        number(value, "deg", "radius")
+        in_unit(value, "deg", "radius")
 
 
 @pytest.mark.parametrize(
@@ -145,18 +145,18 @@ def test_a_site_that_nobody_set_is_none(tmp_path, monkeypatch):
     path = tmp_path / "own.toml"
     path.write_text("[site]\nlatitude_deg = 47.0\nlongitude_deg = 8.5\n", encoding="utf-8")
     assert configured_site(path) == Site(latitude_deg=47.0, longitude_deg=8.5, elevation_m=10.0)
-    assert configured_site(config_of(path)) == configured_site(path)
+    assert configured_site(resolve_config(path)) == configured_site(path)
 
 
 def test_a_configuration_may_be_an_object_with_some_settings_changed(tmp_path):
     config = Config.model_validate({"detector": {"tau": 0.6}})
-    assert config_of(config) is config
-    assert config_of(config, {"detector.tau": 0.2}).detector.tau == 0.2
-    assert config_of(config, {"detector.tau": None}).detector.tau == 0.6
+    assert resolve_config(config) is config
+    assert resolve_config(config, {"detector.tau": 0.2}).detector.tau == 0.2
+    assert resolve_config(config, {"detector.tau": None}).detector.tau == 0.6
     with pytest.raises(ConfigError, match=r"detector\.tau"):
-        config_of(config, {"detector.tau": 7.0})
+        resolve_config(config, {"detector.tau": 7.0})
     with pytest.raises(ConfigError):
-        config_of(tmp_path / "nowhere.toml")
+        resolve_config(tmp_path / "nowhere.toml")
 
 
 def test_an_input_error_is_a_value_error_and_the_programs_own():

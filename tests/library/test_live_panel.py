@@ -70,7 +70,7 @@ def shown(
         on_found(found)
         on_found(found | {"motion": "stands"})
 
-    monkeypatch.setattr(panel, "stop_past_engine", stop_past_engine)
+    monkeypatch.setattr(panel, "stop_without_engine", stop_past_engine)
     made = LivePanel(wire=wire, read_only=read_only)
     made.past = past
     page(made, "here")

@@ -15,7 +15,7 @@ from astropy.time import Time
 import rsoconsole as rso
 from rsoconsole.base import FrameError, InputError
 from rsoconsole.config import Config
-from rsoconsole.pipeline import Processed, open_reducer, process_files
+from rsoconsole.pipeline import ProcessedFrame, open_reducer, process_files
 from rsoconsole.records import TrackState
 from tests.drawn.plate_fields import SHARED
 from tests.nights.samples import SAMPLE
@@ -115,7 +115,7 @@ def test_a_track_is_that_of_process(measured, tmp_path):
     config = Config.model_validate({"site": dict(zip(_SITE, TRIPLE, strict=True))})
     with open_reducer(config) as (reducer, _):
         done = list(process_files(FRAMES, reducer, config))
-    assert all(isinstance(each, Processed) for each in done)
+    assert all(isinstance(each, ProcessedFrame) for each in done)
     recorded = [r for each in done for r in each.records if isinstance(r, TrackState)]
     tracks = rso.track(measured, config=config, site=TRIPLE)
     assert [r for r in tracks.records if isinstance(r, TrackState)] == recorded

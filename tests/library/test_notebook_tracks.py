@@ -41,8 +41,8 @@ def test_every_track_has_its_orbit_its_name_and_its_end(folder: Path):
     assert tracks[3].orbit.label == "constrained by prior"
     assert tracks[2].name == "ASTRA 1L"
     assert tracks[5].name is None  # two of the catalogue may be it
-    assert tracks[5].object_words == "ASTRA 19.2E SPARE?"
-    assert tracks[6].object_words == "-"
+    assert tracks[5].identity_text == "ASTRA 19.2E SPARE?"
+    assert tracks[6].identity_text == "-"
     led = [n for n, each in tracks.items() if any(state.is_lead for state in each.states)]
     assert led == [2]
     assert tracks[2].quality.residual_rms_arcsec == pytest.approx(1.0)

@@ -13,12 +13,12 @@ from typer.testing import CliRunner
 from rsoconsole.base import ExportError, OrbitError
 from rsoconsole.cli.app import app
 from rsoconsole.library import ExportOptions, ReadOptions, Target, read_observations, render
-from rsoconsole.library.formats._iod_reader import parse_uk
+from rsoconsole.library.formats._iod_reader import parse_uk_line
 from rsoconsole.library.formats._tdm_reader import parse_tdm
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.pipeline import read_observed_tracks
 from rsoconsole.records import Site
-from rsoconsole.sky import chart_to_icrs, iso_to_utc_ns
+from rsoconsole.sky import equinox_to_icrs, iso_to_utc_ns
 from tests.nights.samples import SAMPLE
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -87,7 +87,7 @@ def test_both_forms_of_a_message_say_the_same() -> None:
 
 def test_ccsds_ndm_reads_both_forms(tmp_path: Path) -> None:
     ndm_io = pytest.importorskip("ccsds_ndm.ndm_io", reason="pip install ccsds-ndm")
-    rows = read_night(SAMPLE).of_track(1)
+    rows = read_exported_night(SAMPLE).track_measurements(1)
     for kind in ("tdm", "tdm-xml"):
         text, _ = render(SAMPLE, kind, ExportOptions(target=Target(norad_id=100_001)))
         path = tmp_path / kind
@@ -123,8 +123,8 @@ def test_udl_records_have_the_interfaces_names_units_and_words(tmp_path: Path) -
     text, _ = render(SAMPLE, "udl", ExportOptions(target=Target(norad_id=100_001)))
     path.write_text(text)
     table = pandas.read_json(path)
-    rows = read_night(SAMPLE).of_track(1)
-    site = read_night(SAMPLE).config.site
+    rows = read_exported_night(SAMPLE).track_measurements(1)
+    site = read_exported_night(SAMPLE).config.site
     assert set(table["dataMode"]) == {"SIMULATED"}
     assert set(table["classificationMarking"]) == {"U"}
     assert set(table["satNo"]) == {100_001}
@@ -154,7 +154,7 @@ def test_times_have_the_digits_that_the_record_has() -> None:
     text, _ = render(SAMPLE, "tdm", ExportOptions())
     (segment,) = parse_tdm(text).segments
     assert [each.t_utc_ns for each in segment.angles] == [
-        row.t_mid_utc_ns for row in read_night(SAMPLE).of_track(1)
+        row.t_mid_utc_ns for row in read_exported_night(SAMPLE).track_measurements(1)
     ]
     epochs = [line.split()[2] for line in text.splitlines() if line.startswith("ANGLE_1")]
     assert all(len(each.partition(".")[2]) == 3 or each[-1] != "0" for each in epochs)
@@ -170,7 +170,7 @@ def test_an_iod_file_begins_with_the_station_and_its_place(tmp_path: Path) -> No
     assert second[16:20] == "4171"
     ((read,),) = read_observations(path, ReadOptions())
     assert read.site.latitude_deg == pytest.approx(
-        read_night(SAMPLE).config.site.latitude_deg, abs=1e-5
+        read_exported_night(SAMPLE).config.site.latitude_deg, abs=1e-5
     )
 
 
@@ -194,15 +194,15 @@ def test_every_uk_sample_is_answered_as_trusat_answers_it() -> None:
     assert sum(not is_good for _, is_good in answers) > 60
     for line, is_good in answers:
         if is_good:
-            parse_uk(line)
+            parse_uk_line(line)
         else:
             with pytest.raises(ExportError):
-                parse_uk(line)
+                parse_uk_line(line)
 
 
 def test_a_uk_line_says_what_its_columns_say() -> None:
     """Source: the line's own text, after the posted description of the columns."""
-    read = parse_uk("9701201201803101520195542  01   12172038  +15585   1  5")
+    read = parse_uk_line("9701201201803101520195542  01   12172038  +15585   1  5")
     assert (read.cospar, read.station) == ("1997-012A", "2018")
     assert read.t_utc_ns == iso_to_utc_ns("2003-10-15T20:19:55.42Z")
     assert read.first_deg == pytest.approx(15.0 * (17 + 20.38 / 60))
@@ -344,10 +344,10 @@ def test_old_star_charts_are_turned_to_icrs() -> None:
     """Truth: Polaris in B1950 and in J2000, SAO catalogue and Hipparcos, to a few arcsec."""
     polaris = np.full(2, 15.0 * (1 + 48 / 60 + 48.79 / 3600)), np.full(2, 89 + 1 / 60 + 43.7 / 3600)
     instants = np.zeros(2, np.int64)
-    ra, dec = chart_to_icrs(*polaris, 1950, instants)
+    ra, dec = equinox_to_icrs(*polaris, 1950, instants)
     assert dec == pytest.approx(89 + 15 / 60 + 51 / 3600, abs=5 / 3600)
     assert ra == pytest.approx(15.0 * (2 + 31 / 60 + 49 / 3600), abs=0.1)
-    assert chart_to_icrs(*polaris, 2000, instants) == polaris
+    assert equinox_to_icrs(*polaris, 2000, instants) == polaris
 
 
 def test_cospar_and_long_numbers_go_into_elements(tmp_path: Path) -> None:

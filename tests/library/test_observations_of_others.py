@@ -10,7 +10,7 @@ import pytest
 
 from rsoconsole.base import ExportError, OrbitError
 from rsoconsole.library import ReadOptions, read_observations
-from rsoconsole.library.formats._iod_reader import is_uk, parse_uk
+from rsoconsole.library.formats._iod_reader import is_uk_line, parse_uk_line
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
 
@@ -164,14 +164,14 @@ def test_a_path_by_nobody_is_refused(tmp_path: Path) -> None:
 def test_an_error_of_position_in_a_uk_line_is_one_or_a_sentence(code: str, position: str) -> None:
     line = f"9701201201803101520195542  01   1{code}172038  +15585  {position}5"
     digits = position.rstrip()
-    if not is_uk(line):
+    if not is_uk_line(line):
         return
     if " " in digits.strip():
         with pytest.raises(ExportError, match="blank inside"):
-            parse_uk(line)
+            parse_uk_line(line)
         return
     seconds, minutes, degrees = (0.5, 5.0, 5.0), (3.0, 300.0, 300.0), (18.0, 1800.0, 18000.0)
     wanted = {"1": seconds, "2": minutes}.get(code, degrees)[
         ["   5", " 5  ", "5   "].index(position)
     ]
-    assert parse_uk(line).position_sigma_arcsec == pytest.approx(wanted)
+    assert parse_uk_line(line).position_sigma_arcsec == pytest.approx(wanted)

@@ -13,12 +13,12 @@ import pytest
 import rsoconsole
 from rsoconsole.base import ConfigError, ControlError, RsoconsoleError, SessionError
 from rsoconsole.library.notebook import session as session_room
-from rsoconsole.library.notebook.card import card_text, strip_svg
+from rsoconsole.library.notebook.card import card_text, state_strip_svg
 from rsoconsole.library.notebook.figures.figures import NightPlots
 from rsoconsole.library.notebook.session import open_session
 from rsoconsole.night import StateSpan
-from rsoconsole.pipeline.replays.record_equality import are_alike, is_alike
-from rsoconsole.pipeline.replays.what_if_log import figures_of
+from rsoconsole.pipeline.replays.record_equality import are_nearly_equal, is_nearly_equal
+from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import TABLES, Measurement, OrbitEstimate, Ruling, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.session.log import schema
@@ -155,7 +155,7 @@ def says_the_same(value, told):
 def test_a_table_says_what_the_view_says(name, night, tmp_path):
     """SQL is the other implementation; it may round the last digit."""
     reader = SessionReader(SAMPLE)
-    viewed = reader.view(name)
+    viewed = reader.view_rows(name)
     columns, made_rows = night._rows(name)
     assert len(made_rows) == len(viewed)
     for mine, theirs in zip(made_rows, viewed, strict=True):
@@ -177,7 +177,7 @@ def followed(tmp_path_factory):
 def test_a_night_with_orbits_has_a_table_of_them(name, followed):
     columns, made_rows = followed._rows(name)
     assert len(made_rows) > 1
-    for mine, theirs in zip(made_rows, SessionReader(followed.path).view(name), strict=True):
+    for mine, theirs in zip(made_rows, SessionReader(followed.path).view_rows(name), strict=True):
         for column in columns:
             assert says_the_same(mine[column.name], theirs[column.name]), column.name
     assert len(followed.table(name)) == len(followed.frame(name)) == len(made_rows)
@@ -294,7 +294,7 @@ def test_the_card_has_the_nights_figures(night):
     assert "data:image/png;base64," in html
     assert "<script" not in html
     assert "http" not in html.replace("http://www.w3.org", "")
-    figures = figures_of(night.replay())
+    figures = track_figures(night.replay())
     assert night.summary.residual_rms_arcsec == pytest.approx(figures.residual_rms_arcsec)
     assert night.summary.nis_mean == pytest.approx(figures.nis_mean)
     assert night.summary.nis_band == pytest.approx(figures.nis_band)
@@ -326,7 +326,7 @@ def test_words_of_the_record_are_escaped(tmp_path):
     for html in (shown._repr_html_(), changes._repr_html_()):
         assert "<img src=x" not in html
         assert "&lt;img src=x" in html
-    strip = strip_svg((StateSpan(state=evil, t_from_utc_ns=0, t_to_utc_ns=10),))
+    strip = state_strip_svg((StateSpan(state=evil, t_from_utc_ns=0, t_to_utc_ns=10),))
     assert "<img" not in strip
 
 
@@ -426,15 +426,16 @@ def test_a_night_without_a_track_says_so(tmp_path):
 def test_nothing_tried_gives_what_was_recorded(night):
     same = night.what_if()
     # Recorded on another machine, whose processor rounds otherwise.
-    assert is_alike(same.changed, same.recorded)
+    assert is_nearly_equal(same.changed, same.recorded)
     recorded, changes = same.nights()
-    assert are_alike(
+    assert are_nearly_equal(
         [f.updated for f in changes.frames if f.updated],
         [f.updated for f in recorded.frames if f.updated],
     )
     ruled = {r.frame_id for _, _, r in night.records if isinstance(r, Ruling)}
     seen, seen_again = (
-        [f.measured for f in each.frames if f.frame_id not in ruled] for each in (recorded, changes)
+        [f.lead_measured for f in each.frames if f.frame_id not in ruled]
+        for each in (recorded, changes)
     )
     assert seen_again == seen
 

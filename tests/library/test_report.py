@@ -12,13 +12,20 @@ import pytest
 
 from rsoconsole.base import SessionError
 from rsoconsole.library import render_report
-from rsoconsole.library.formats.night import read_night as read_rows
-from rsoconsole.library.notebook.night.night import read_night
-from rsoconsole.library.notebook.report._report_pictures import MAX_PICTURES, chosen_frames
-from rsoconsole.night import summary_of
+from rsoconsole.library.formats.night import read_exported_night as read_rows
+from rsoconsole.library.notebook.night.night import read_drawn_night
+from rsoconsole.library.notebook.report._report_pictures import MAX_PICTURES, choose_frames
+from rsoconsole.night import lead_summary
 from rsoconsole.pipeline import replay
-from rsoconsole.pipeline.replays.what_if_log import figures_of
-from rsoconsole.records import Cause, Event, OperatorAction, ParameterChange, StateChange, done
+from rsoconsole.pipeline.replays.what_if_log import track_figures
+from rsoconsole.records import (
+    Cause,
+    Event,
+    OperatorAction,
+    ParameterChange,
+    StateChange,
+    done_result,
+)
 from rsoconsole.session import SessionReader
 from tests.nights.export_nights import MISSED, T0, closed_night, written_night
 from tests.nights.leap_samples import leap_of, pass_of
@@ -88,7 +95,7 @@ def nasty(tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, str]:
     writer.append(Event(level="alarm", text=NASTY, frame_id=3), T0)
     arguments = {"text": NASTY}
     writer.append(
-        OperatorAction(verb="note", arguments=arguments, outcome=done(NASTY), by=NASTY), T0
+        OperatorAction(verb="note", arguments=arguments, outcome=done_result(NASTY), by=NASTY), T0
     )
     writer.append(ParameterChange(name="x", before=NASTY, after=2.0, by=NASTY), T0)
     writer.append(
@@ -164,7 +171,7 @@ def test_every_picture_says_in_words_what_it_shows(sample: Page):
 def test_it_says_what_the_record_says(sample: Page):
     text = sample.text
     rows = read_rows(SAMPLE).rows
-    figures = figures_of(replay([r for _, _, r in SessionReader(SAMPLE).records()], _config()))
+    figures = track_figures(replay([r for _, _, r in SessionReader(SAMPLE).records()], _config()))
     assert "One object was followed from 05:31:05 to 05:47:05 UTC" in text
     times = sum(row.is_taken for row in rows)
     assert f"measured {times} times in 36 exposures, with 6 misses" in text
@@ -245,8 +252,8 @@ def test_a_night_without_leaps_has_no_section_of_passes(sample: Page):
 def test_its_figures_are_those_that_a_replay_gives(tmp_path: Path):
     folder = record_night(tmp_path / "night", frames=30, seed=3, missed=frozenset({20, 21}))
     reader = SessionReader(folder)
-    replayed = figures_of(replay((r for _, _, r in reader.records()), reader.config()))
-    said = summary_of(read_night(folder).frames)
+    replayed = track_figures(replay((r for _, _, r in reader.records()), reader.config()))
+    said = lead_summary(read_drawn_night(folder).frames)
     assert (said.updates, said.misses) == (replayed.updates, replayed.misses)
     for name in ("residual_rms_arcsec", "nis_mean", "nis_band", "inside_3sigma"):
         assert getattr(said, name) == pytest.approx(getattr(replayed, name))  # another order
@@ -309,7 +316,7 @@ def test_pictures_keep_to_their_budget_and_no_missed_frame_is_left_out(tmp_path:
 @pytest.mark.parametrize("count", [0, 1, 2, 39, 40, 41, 1000])
 def test_pictures_are_chosen_evenly(count):
     frames = list(range(5, 5 + count))
-    chosen = chosen_frames(frames, missed=[7, 4000])
+    chosen = choose_frames(frames, missed=[7, 4000])
     assert len(chosen) <= MAX_PICTURES + 1
     assert chosen == sorted(set(chosen))
     if count > 3:

@@ -16,14 +16,14 @@ from models.judging import (
     trail_of,
     without_figures,
 )
-from rsoconsole.base import model_resource
+from rsoconsole.base import model_file_path
 from rsoconsole.config import DetectorConfig
 from rsoconsole.simulator import SensorModel
 from rsoconsole.vision import ConfidenceCurve, NetworkBox, StreakDetector
 from tests.makers import straight_detection
 
 SMALL = SensorModel(width_px=1000, height_px=800)
-CURVE = ConfidenceCurve.from_card(json.loads(model_resource("streak_ssd.json").read_text()))
+CURVE = ConfidenceCurve.from_card(json.loads(model_file_path("streak_ssd.json").read_text()))
 
 
 class Oracle:

@@ -22,7 +22,7 @@ from rsoconsole.tracking import (
     Following,
     FollowSettings,
     FrameInput,
-    Plane,
+    TangentPlane,
     follow,
     sky_covariance_arcsec2,
 )
@@ -121,9 +121,9 @@ def streaks(
 ) -> Mapping[str, Measurement]:
     """What a frame shows: ``a`` and ``b``, or both as ``ab``; ``light``: the share of ``a``."""
     both = truth(name, frames)
-    plane = Plane.at(*both[0][0][k])
+    plane = TangentPlane.at(*both[0][0][k])
     late_s = random.normal(0.0, scatter_s)
-    places = [plane.place_of(*place[k]) + rate[k] * late_s for place, rate in both]
+    places = [plane.project_arcsec(*place[k]) + rate[k] * late_s for place, rate in both]
     rate = both[0][1][k]
     along = rate / np.linalg.norm(rate)
     across = np.array([-along[1], along[0]])
@@ -197,7 +197,7 @@ def night(name: str, frames: int, seed: int, scatter_s: float = 0.015, light: fl
             if own is None or getattr(state, "kind", "") != "predicted" or k < 10:
                 continue
             place = both["ab".index(own)][0][k]
-            off = Plane.at(*place).place_of(state.x[0], state.x[2])
+            off = TangentPlane.at(*place).project_arcsec(state.x[0], state.x[2])
             told.off_arcsec.append(float(np.hypot(*off)))
             spread = sky_covariance_arcsec2(state)
             told.off_sigmas.append(float(off @ np.linalg.solve(spread, off)))

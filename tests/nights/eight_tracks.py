@@ -91,9 +91,9 @@ def night_of_eight(frames: int = 12, *, lead: int = 2, missed: Collection[int] =
     for n in range(1, frames + 1):
         out = missed if n > frames - 2 else ()
         for record in story(n, since=1, lead=lead, missed=out):
-            night.take(t_of(n), record)
+            night.fold_record(t_of(n), record)
         for record in told(n):
-            night.take(t_of(n), record)
+            night.fold_record(t_of(n), record)
     return night
 
 

@@ -18,7 +18,7 @@ from rsoconsole.records import (
     Ruling,
     StateChange,
     TrackLost,
-    done,
+    done_result,
 )
 from rsoconsole.session import SessionWriter
 from tests.makers import geo_measurement
@@ -29,7 +29,7 @@ MISSES, REFUSALS, NOTES, CHANGES, RULINGS, LOSSES, ALARMS = 17, 51, 73, 90, 40, 
 
 WIDE = Cause(
     kind="missed",
-    missed=Missed(kind="no detection", lost=TrackLost.by_bounds(40.0, fits_field=True)),
+    missed=Missed(kind="no detection", lost=TrackLost.by_uncertainty(40.0, fits_field=True)),
 )
 
 
@@ -78,7 +78,9 @@ def _refusal(writer: SessionWriter, n: int) -> None:
 def _note(writer: SessionWriter, n: int) -> None:
     if n % NOTES == 0:
         said = {"text": f"clouds in the west, frame {n}"}
-        note = OperatorAction(verb="note", arguments=said, outcome=done("noted"), by="console a@b")
+        note = OperatorAction(
+            verb="note", arguments=said, outcome=done_result("noted"), by="console a@b"
+        )
         writer.append(note, night.t_of(n) + 5 * 10**9)
 
 

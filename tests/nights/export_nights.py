@@ -7,7 +7,7 @@ from typing import Any, get_args
 from hypothesis import strategies as st
 
 from rsoconsole.config import Config
-from rsoconsole.library.formats._iod_reader import parse_iod
+from rsoconsole.library.formats._iod_reader import parse_iod_line
 from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.library.formats.night import ExportedNight
 from rsoconsole.library.formats.rows import MeasuredRow
@@ -34,7 +34,9 @@ def read_tdm(path: Path) -> Any:
 def read_iod(path: Path) -> tuple[Any, ...]:
     """The lines of a file that are observations."""
     lines = path.read_text(encoding="ascii").splitlines()
-    return tuple(parse_iod(line) for line in lines if line.strip() and not line.startswith("#"))
+    return tuple(
+        parse_iod_line(line) for line in lines if line.strip() and not line.startswith("#")
+    )
 
 
 def measurement(frame_id: int, north_arcsec: float = 0.0, **more: Any) -> Measurement:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline import FrameObservations, StarHistory, fold
+from rsoconsole.pipeline import FrameObservations, StarHistory, fold_frame
 from rsoconsole.records import CycleTiming, Detections, FrameTaken, Measurement, Solution
 from rsoconsole.session import SessionWriter
 from rsoconsole.sky import tan_wcs, times
@@ -52,7 +52,7 @@ def record_night(
         dec = float(places.dec_icrs_deg[k] + noise[k, 1])
         is_seen = k + 1 not in missed
         shown = _shown(k + 1, int(t_ns[k]), (ra, dec), claimed_arcsec or sigma_arcsec, is_seen)
-        folded = fold(following, stars, shown, config)
+        folded = fold_frame(following, stars, shown, config)
         following, stars = folded.following, folded.stars
         timing = CycleTiming(frame_id=k + 1, stage_ms={"total": 1.0})
         for record in (

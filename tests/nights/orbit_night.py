@@ -113,7 +113,7 @@ def folded(*records: Any, before: Night | None = None) -> Night:
     found = before or Night(Path("night"), {}, Config())
     for record in records:
         t = night.t_of(getattr(record, "frame_id", 0) or 0)
-        found.take(t, record)
+        found.fold_record(t, record)
     return found
 
 

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue, places_of, states_gcrs
+from rsoconsole.orbits import CatalogueEntry, object_places, parse_catalogue, states_gcrs
 from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
 from rsoconsole.sky import site_gcrs
 from tests.truth.regimes import TLES
@@ -44,7 +44,7 @@ def directions(
     entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """RA and Dec (M, N) as a plate solution measures them."""
-    places = [places_of(each, site, t_utc_ns) for each in entries]
+    places = [object_places(each, site, t_utc_ns) for each in entries]
     ra_deg = np.stack([each.ra_icrs_deg for each in places])
     return ra_deg, np.stack([each.dec_icrs_deg for each in places])
 
@@ -98,7 +98,7 @@ def seen(
     misses: float = 0.0,
 ) -> PairNight | None:
     """The frames of two; None where they do not fit into one field all the time."""
-    places = [places_of(each, site, t_utc_ns) for each in pair]
+    places = [object_places(each, site, t_utc_ns) for each in pair]
     ra_deg = np.stack([each.ra_icrs_deg for each in places])
     dec_deg = np.stack([each.dec_icrs_deg for each in places])
     ra_rate = np.stack([each.ra_rate_deg_s for each in places])

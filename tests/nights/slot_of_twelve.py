@@ -14,7 +14,7 @@ from rsoconsole.orbits import ElementSet, Satellite, parse_elements
 from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.records import Measurement, Missed
 from rsoconsole.simulator import elements_path
-from rsoconsole.sky import Places
+from rsoconsole.sky import SkyPlaces
 from rsoconsole.tracking import FrameInput
 from rsoconsole.words import NS_PER_S
 from tests.truth.seen_satellites import DAYTONA
@@ -50,7 +50,7 @@ def _moved(elements: ElementSet, longitude_deg: float) -> ElementSet:
 
 
 @functools.cache
-def places(late_s: tuple[float, ...]) -> tuple[Places, ...]:
+def places(late_s: tuple[float, ...]) -> tuple[SkyPlaces, ...]:
     """Where each was when the shutter really opened."""
     t = T0_UTC_NS + np.arange(len(late_s)) * round(CADENCE_S * NS_PER_S)
     t = t + np.round(np.array(late_s) * NS_PER_S).astype(np.int64)
@@ -63,7 +63,7 @@ def instant(k: int) -> int:
 
 
 def streak(
-    k: int, name: object, at: Places, random: np.random.Generator, *, leads: bool
+    k: int, name: object, at: SkyPlaces, random: np.random.Generator, *, leads: bool
 ) -> Measurement:
     """A member's measurement, half an arcsec along and a fifth across."""
     dec = float(at.dec_icrs_deg[k])

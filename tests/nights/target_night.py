@@ -8,16 +8,16 @@ from typing import Any
 import pytest
 
 from rsoconsole.base import ConfigError
-from rsoconsole.cli.demo._demo_targets import plan_targets, planned_config
+from rsoconsole.cli.demo._demo_targets import config_for_plan, plan_targets
 from rsoconsole.cli.demo.demo import demo_config
-from rsoconsole.cli.demo.demo_night import Night, run_night
+from rsoconsole.cli.demo.demo_night import SimulatedNight, run_night
 from rsoconsole.cli.judge import summary
 from rsoconsole.config import Config
 from rsoconsole.records import Measurement, Site
 from rsoconsole.session import SessionReader
 from rsoconsole.simulator import NightPlan
 from rsoconsole.simulator.mount.mount_model import MountModel
-from rsoconsole.simulator.server import ObservatorySettings, open_stage
+from rsoconsole.simulator.server import ObservatorySettings, make_observatory_setup
 from rsoconsole.sky import icrs_to_jnow, jnow_to_icrs, separation_deg, times
 from tests.orbits.test_places import skyfield_site, skyfield_timescale
 from tests.truth.regimes import Sample
@@ -51,7 +51,7 @@ def plan_of(sample: Sample, frames: int, seed: int = 1) -> tuple[NightPlan, Conf
         except ConfigError as error:
             refusals.append(str(error))
             continue
-        return plan, planned_config(config, plan)
+        return plan, config_for_plan(config, plan)
     raise AssertionError("; ".join(refusals))
 
 
@@ -80,7 +80,7 @@ def judged(sample: Sample, session: Path, frames: int, patch: pytest.MonkeyPatch
         return list(kept)
 
     patch.setattr(summary, "read_truth", keeping)
-    night = Night(
+    night = SimulatedNight(
         scenario=plan.title,
         seed=1,
         speed=0.0,
@@ -129,7 +129,7 @@ def centre_offset_deg(exposure: dict, true: dict) -> float:
 def first_exposure(plan: NightPlan, latency_s: float, seed: int = 1) -> dict[str, Any]:
     """The truth of the exposure that the telescope takes where its mount stands at the start."""
     settings = ObservatorySettings(scenario=plan.title, seed=seed, speed=0.0, plan=plan.to_table())
-    stage = open_stage(settings)
+    stage = make_observatory_setup(settings)
     ra_date_deg, dec_date_deg = icrs_to_jnow(
         stage.start_ra_icrs_deg, stage.start_dec_icrs_deg, stage.t_start_utc_ns
     )

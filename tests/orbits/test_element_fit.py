@@ -10,8 +10,8 @@ from rsoconsole.config import CatalogueConfig
 from rsoconsole.orbits import (
     ASSUMED,
     ERROR_REGIMES,
+    ElementErrorRow,
     ElementErrors,
-    ElementRow,
     ErrorFactors,
     FittedFactors,
     fit_factors,
@@ -20,12 +20,12 @@ from rsoconsole.orbits import (
 from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
     UNDISTURBED,
-    Spread,
+    ErrorSpread,
     regime_numbers,
 )
-from rsoconsole.orbits.identification.element_fit import weights_of
+from rsoconsole.orbits.identification.element_fit import row_weights
 from rsoconsole.orbits.identification.field_crossings import element_spread
-from rsoconsole.pipeline import wide_errors_of
+from rsoconsole.pipeline import wide_element_errors
 from rsoconsole.records import FloatArray
 from rsoconsole.words import NS_PER_DAY
 from tests.makers import identify
@@ -40,16 +40,16 @@ def values_of(factors: ErrorFactors) -> FloatArray:
     return np.array([getattr(factors, name) for name in NAMES])
 
 
-def fitted(rows: Sequence[ElementRow]) -> FittedFactors:
+def fitted(rows: Sequence[ElementErrorRow]) -> FittedFactors:
     (only,) = fit_factors(rows)
     return only
 
 
 def row(
     norad_id: int, along_km: float, *, night: int = 0, age_days: float = 2.0, minute: int = 0
-) -> ElementRow:
+) -> ElementErrorRow:
     t = night * NS_PER_DAY + minute * 60_000_000_000
-    return ElementRow(
+    return ElementErrorRow(
         session=f"night {night}",
         track=f"{norad_id} {minute}",
         norad_id=norad_id,
@@ -73,7 +73,9 @@ def row(
     )
 
 
-def low(count: int, seed: int, spread: Spread = LOW, moved: Spread = LOW_MOVED) -> list[ElementRow]:
+def low(
+    count: int, seed: int, spread: ErrorSpread = LOW, moved: ErrorSpread = LOW_MOVED
+) -> list[ElementErrorRow]:
     return list(low_rows(count, np.random.default_rng(seed), spread, moved))
 
 
@@ -117,19 +119,19 @@ def test_one_absurd_row_changes_little() -> None:
 
 def test_many_rows_of_one_object_do_not_pretend_to_be_many_objects() -> None:
     one_night = [row(7, 9.0, minute=n) for n in range(60)]
-    assert weights_of(one_night).sum() == pytest.approx(1.0)
+    assert row_weights(one_night).sum() == pytest.approx(1.0)
     alone, many = fitted(one_night[:1]), fitted(one_night)
     assert values_of(many.factors) == pytest.approx(values_of(alone.factors), rel=0.02)
     by_one_set = [
         replace(row(7, 9.0, night=n), tle_epoch_utc_ns=-NS_PER_DAY, session=f"{n}")
         for n in range(10)
     ]
-    assert weights_of(by_one_set).sum() == pytest.approx(1.0)
+    assert row_weights(by_one_set).sum() == pytest.approx(1.0)
     nights = [row(7, 9.0, night=n) for n in range(100)]
-    assert 3.0 < weights_of(nights).sum() < 3.34
+    assert 3.0 < row_weights(nights).sum() < 3.34
     others = [row(100 + n, 9.0, night=n) for n in range(10)]
-    assert weights_of(others).sum() == pytest.approx(10.0)
-    assert weights_of([*others, *nights])[:10] == pytest.approx(np.ones(10))
+    assert row_weights(others).sum() == pytest.approx(10.0)
+    assert row_weights([*others, *nights])[:10] == pytest.approx(np.ones(10))
 
 
 @pytest.mark.parametrize(("truth", "is_wider"), [(3.0, True), (0.35, False)])
@@ -153,7 +155,7 @@ def test_gates_hold_the_truth_once_calibrated_and_are_no_wider_than_they_need(
         assert widths[1] < 0.55 * widths[0]
 
 
-def _is_held(each: ElementRow, spread: Spread) -> bool:
+def _is_held(each: ElementErrorRow, spread: ErrorSpread) -> bool:
     variances = np.array([float(s) ** 2 for s in position_sigmas_km(spread, each.age_days)])
     along = np.array(each.along_by) ** 2 @ variances + each.sigma_along_km**2
     across = np.array(each.across_by) ** 2 @ variances + each.sigma_across_km**2
@@ -165,7 +167,7 @@ def test_real_elements_of_steered_satellites_widen_what_is_assumed_of_undisturbe
     """Six years of three satellites: the first half calibrates, the second judges."""
     assert HISTORY.exists()
     rng = np.random.default_rng(1)
-    errors = wide_errors_of(CatalogueConfig())
+    errors = wide_element_errors(CatalogueConfig())
     rows = []
     for n, (older, newer) in enumerate(geo_pairs()):
         each = row_by(f"night {n}", seen_of(newer, newer.epoch_utc_ns, rng), [older], errors)
@@ -197,7 +199,7 @@ def test_a_manoeuvre_takes_no_error_away() -> None:
     for factors in (many, few):
         errors = ASSUMED.scaled(dict.fromkeys(ERROR_REGIMES, factors))
         for regime in ERROR_REGIMES:
-            kept, moved = (errors.of(regime, is_moved=each) for each in (False, True))
+            kept, moved = (errors.spread_for(regime, is_moved=each) for each in (False, True))
             for part in ("along", "across", "shape"):
                 assert np.all(np.array(getattr(moved, part)) >= getattr(kept, part))
         assert errors.manoeuvred["GEO"].along[2] == MANOEUVRED["GEO"].along[2]

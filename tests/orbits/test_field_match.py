@@ -14,12 +14,12 @@ from rsoconsole.orbits import (
     CatalogueEntry,
     FieldCatalogue,
     FieldMatch,
-    Line,
+    StreakLine,
     match_field,
 )
 from rsoconsole.orbits.elements.sky_paths import Observer
 from rsoconsole.pipeline import CatalogueMatcher, FieldFrame
-from rsoconsole.pipeline.field.field_points import Points
+from rsoconsole.pipeline.field.field_points import FramePoints
 from rsoconsole.records import Detection, FloatArray, Solution
 from rsoconsole.sky import site_gcrs, unit_to_direction
 from rsoconsole.words import NS_PER_DAY
@@ -47,25 +47,25 @@ def low() -> CatalogueEntry:
     zenith = site_gcrs(SITE, np.array([DAY_UTC_NS]))[0][0]
     while True:
         found = low_entry(rng, 41, DAY_UTC_NS)
-        seen = Observer(SITE, DAY_UTC_NS).seen(SatrecArray([found.record]), np.zeros(1))
+        seen = Observer(SITE, DAY_UTC_NS).places_at_leads(SatrecArray([found.record]), np.zeros(1))
         if seen.u[0, 0] @ zenith > 0.65 * np.linalg.norm(zenith):
             return found
 
 
 def looking_at(true: CatalogueEntry, exposure_s: float = EXPOSURE_S) -> Plate:
-    seen = Observer(SITE, DAY_UTC_NS).seen(SatrecArray([true.record]), np.zeros(1))
+    seen = Observer(SITE, DAY_UTC_NS).places_at_leads(SatrecArray([true.record]), np.zeros(1))
     ra, dec = (float(x) for x in unit_to_direction(seen.u[0, 0]))
     return plate_at(ra, dec, DAY_UTC_NS, exposure_s)
 
 
-def drawn_by(plate: Plate, true: CatalogueEntry, seed: int = 1) -> Line:
+def drawn_by(plate: Plate, true: CatalogueEntry, seed: int = 1) -> StreakLine:
     line = line_of(plate, true, np.random.default_rng(seed))
     assert line is not None
     return line
 
 
 def asked(
-    plate: Plate, entries: list[CatalogueEntry], lines: list[Line]
+    plate: Plate, entries: list[CatalogueEntry], lines: list[StreakLine]
 ) -> tuple[tuple[Candidate, ...], FieldMatch]:
     candidates = FieldCatalogue(entries).candidates(plate.view)
     return candidates, match_field(plate.view, candidates, lines)
@@ -95,7 +95,7 @@ def test_beyond_its_gate_it_is_no_candidate(low):
 @pytest.mark.parametrize("exposure_s", [0.05, 10.0])
 def test_a_field_of_two_arcmin_is_not_stepped_over(low, exposure_s):
     true = behind(low, 3.37)
-    seen = Observer(SITE, DAY_UTC_NS).seen(SatrecArray([true.record]), np.zeros(1))
+    seen = Observer(SITE, DAY_UTC_NS).places_at_leads(SatrecArray([true.record]), np.zeros(1))
     ra, dec = (float(x) for x in unit_to_direction(seen.u[0, 0]))
     plate = plate_at(ra, dec, DAY_UTC_NS, exposure_s, 0.04)
     (candidate,) = FieldCatalogue([low]).candidates(plate.view)
@@ -113,7 +113,7 @@ def test_the_chance_that_it_crossed_falls_with_how_far_its_elements_put_it(low):
     assert chances[0] > chances[1] > chances[2] > 0.0
 
 
-def turned(line: Line, angle_deg: float) -> Line:
+def turned(line: StreakLine, angle_deg: float) -> StreakLine:
     """The same middle, another direction."""
     way = (line.b - line.a) / 2.0
     side = np.cross(line.middle, way)
@@ -122,7 +122,7 @@ def turned(line: Line, angle_deg: float) -> Line:
     return replace(line, a=unit(line.middle - new), b=unit(line.middle + new))
 
 
-def longer(line: Line, times: float) -> Line:
+def longer(line: StreakLine, times: float) -> StreakLine:
     way = (line.b - line.a) / 2.0
     return replace(line, a=unit(line.middle - times * way), b=unit(line.middle + times * way))
 
@@ -195,7 +195,7 @@ def test_elements_of_another_season_are_not_used(low):
     old = replace(low, epoch_utc_ns=low.epoch_utc_ns - 90 * NS_PER_DAY)
     catalogue = FieldCatalogue([old])
     assert catalogue.candidates(looking_at(low).view) == ()
-    assert (catalogue.compared, catalogue.too_old) == (0, 1)
+    assert (catalogue.compared_count, catalogue.too_old_count) == (0, 1)
 
 
 def test_a_frame_that_nothing_crossed_names_nothing(low):
@@ -253,7 +253,7 @@ def test_what_is_below_tau_counts_where_an_object_explains_it(low):
         detections=(detection, replace(detection, confidence=0.04)),
         taken=0,
         lines=(of_low, other),
-        points=Points(
+        points=FramePoints(
             u=np.empty((0, 3)),
             t_utc_ns=np.empty(0, np.int64),
             x_px=empty,
@@ -276,11 +276,11 @@ def test_what_is_below_tau_counts_where_an_object_explains_it(low):
             }
         }
     )
-    found = CatalogueMatcher(config, [low]).frame(frame)
+    found = CatalogueMatcher(config, [low]).match_frame(frame)
     assert [each.confidence for each in found.detections] == [0.05]
     assert found.match.lines[0].verdict == "identified"
     assert found.match.taken[0] > 0.95
-    nothing = CatalogueMatcher(config, [low]).frame(replace(frame, lines=(other, other)))
+    nothing = CatalogueMatcher(config, [low]).match_frame(replace(frame, lines=(other, other)))
     assert nothing.detections == ()
     assert nothing.match.taken == (0.0,)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.orbits import GoodingOrbit, gooding, propagate
+from rsoconsole.orbits import GoodingOrbit, gooding_orbits, propagate
 from rsoconsole.orbits.first.lambert import lambert
 from tests.truth.orbit_cases import MU, PUBLISHED, REGIMES, Published, Random, random_case
 from tests.truth.orekit import ask
@@ -11,7 +11,7 @@ from tests.truth.orekit import ask
 
 @pytest.mark.parametrize("case", PUBLISHED, ids=lambda case: case.name.split(",")[0])
 def test_published_cases(case: Published) -> None:
-    found = gooding(case.lines, mu=case.mu)
+    found = gooding_orbits(case.lines, mu=case.mu)
     best = min(found, key=lambda each: np.linalg.norm(each.r_km - case.r2_km))
     assert np.linalg.norm(best.r_km - case.r2_km) < case.within_km
     for ours, theirs in zip(best.ranges_km, case.ranges_km, strict=True):
@@ -26,7 +26,7 @@ def solved(request: pytest.FixtureRequest) -> list[tuple[Random, tuple[GoodingOr
     """Random cases without noise, and what was found through their lines."""
     random = np.random.default_rng(20230622)
     cases = [random_case(regime, random) for regime in REGIMES for _ in range(request.param)]
-    return [(case, gooding(case.lines, mu=MU)) for case in cases]
+    return [(case, gooding_orbits(case.lines, mu=MU)) for case in cases]
 
 
 def test_the_true_orbit_is_among_those_found(solved) -> None:
@@ -42,7 +42,7 @@ def test_every_orbit_found_goes_through_all_three_lines() -> None:
     random = np.random.default_rng(5)
     for regime in REGIMES:
         case = random_case(regime, random)
-        for orbit in gooding(case.lines, mu=MU):
+        for orbit in gooding_orbits(case.lines, mu=MU):
             since = case.lines.t_s - case.lines.t_s[1]
             places, _ = propagate(orbit.r_km, orbit.v_km_s, since, MU)
             seen = places - case.lines.sites_km

@@ -67,7 +67,7 @@ def night(tmp_path_factory: pytest.TempPathFactory) -> Night:
     """Two geostationary objects and four low ones cross a frame of 4 s; five of 0.2 s follow."""
     folder = tmp_path_factory.mktemp("field")
     high = belt(SES_10, SES_17)
-    seen = Observer(SITE, T_UTC_NS).seen(SatrecArray([high[0].record]), np.zeros(1))
+    seen = Observer(SITE, T_UTC_NS).places_at_leads(SatrecArray([high[0].record]), np.zeros(1))
     ra, dec = (float(x) for x in unit_to_direction(seen.u[0, 0]))
     places = {901: (0.1, 0.12), 902: (-0.15, 0.15), 903: (0.08, -0.08), STRANGER: (-0.2, -0.15)}
     orbits = {

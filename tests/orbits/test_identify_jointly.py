@@ -15,9 +15,9 @@ from rsoconsole.orbits import (
     parse_catalogue,
 )
 from rsoconsole.orbits.identification._assignments import best_assignments
-from rsoconsole.orbits.identification.joint_identification import seen_at_once
-from rsoconsole.orbits.identification.single import GATE_DEG, identification_alone
-from rsoconsole.pipeline.orbits._naming import Naming
+from rsoconsole.orbits.identification.joint_identification import simultaneous_tracks
+from rsoconsole.orbits.identification.single import GATE_DEG, identify_alone
+from rsoconsole.pipeline.orbits._naming import TrackIdentifier
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray
 from rsoconsole.words import NS_PER_DAY
@@ -127,7 +127,7 @@ def test_many_alike_still_have_an_answer_and_it_is_the_best() -> None:
 def test_one_track_alone_has_the_name_that_it_had() -> None:
     (track,) = tracks(2)
     entries = catalogue(1, 2, 3)
-    by_itself = identification_alone(compare_with_catalogue(track, DAYTONA, entries), GATE_DEG)
+    by_itself = identify_alone(compare_with_catalogue(track, DAYTONA, entries), GATE_DEG)
     assert identify_jointly([track], DAYTONA, entries) == (by_itself,)
 
 
@@ -189,10 +189,10 @@ def test_what_was_seen_while_another_was_lost_may_be_of_the_same_object() -> Non
     first = track_at(2, np.concatenate([instants(0.0), instants(2700.0)]))
     between = track_at(2, instants(1500.0, count=3), seed=6)
     assert named(identify_jointly([first, between], DAYTONA, catalogue(1, 2, 3))) == [2, 2]
-    assert not seen_at_once([first, between])[0, 1]
+    assert not simultaneous_tracks([first, between])[0, 1]
     # While the first was seen every half minute, what is seen beside it is another.
     beside = track_at(2, instants(15.0, count=3), seed=6)
-    assert seen_at_once([first, beside])[0, 1]
+    assert simultaneous_tracks([first, beside])[0, 1]
     assert named(identify_jointly([first, beside], DAYTONA, catalogue(1, 2, 3))) != [2, 2]
 
 
@@ -214,21 +214,21 @@ def config_of(tmp_path, *numbers: int) -> Config:
 
 def test_a_name_that_another_track_takes_goes_on_record_again(tmp_path) -> None:
     """The second track alone is taken for the third member, until that has a track of its own."""
-    naming = Naming(config_of(tmp_path, 2, 3))
+    naming = TrackIdentifier(config_of(tmp_path, 2, 3))
     second, third = tracks(2, 3, off_deg=OFF_DEG)
-    (alone,) = naming.ask(20, {7: second}, {7})
+    (alone,) = naming.identify_due_tracks(20, {7: second}, {7})
     assert alone.matches[0].norad_id == 90003
-    said = {each.track_id: each for each in naming.ask(21, {9: third}, {7, 9})}
+    said = {each.track_id: each for each in naming.identify_due_tracks(21, {9: third}, {7, 9})}
     assert {n: each.matches[0].norad_id for n, each in said.items()} == {7: 90002, 9: 90003}
     assert {each.named_with for each in said.values()} == {1}
-    assert naming.ask(22, {9: third}, {7, 9}) == ()
+    assert naming.identify_due_tracks(22, {9: third}, {7, 9}) == ()
 
 
 def test_a_track_that_was_taken_back_competes_for_nothing(tmp_path) -> None:
-    naming = Naming(config_of(tmp_path, 2, 3))
+    naming = TrackIdentifier(config_of(tmp_path, 2, 3))
     second, third = tracks(2, 3)
-    naming.ask(20, {7: second, 8: third}, {7, 8})
-    (again,) = naming.ask(21, {9: second}, {9})
+    naming.identify_due_tracks(20, {7: second, 8: third}, {7, 8})
+    (again,) = naming.identify_due_tracks(21, {9: second}, {9})
     assert again.named_with == 0
     assert again.matches[0].norad_id == 90002
 

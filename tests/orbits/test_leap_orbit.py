@@ -11,7 +11,7 @@ from rsoconsole.orbits import (
     LeapTrack,
     PerturbedPropagator,
     StreakEnds,
-    Timing,
+    TimingErrors,
     begin_leap_track,
     leap_track_after_miss,
     passes_above,
@@ -20,7 +20,7 @@ from rsoconsole.orbits import (
 from rsoconsole.orbits.low import low_fit
 from rsoconsole.orbits.low.leap_track import streak_along_motion
 from rsoconsole.orbits.low.low_fit import fit_streaks
-from rsoconsole.orbits.motion.forces import Zonal
+from rsoconsole.orbits.motion.forces import ZonalPropagator
 from rsoconsole.sky import iso_to_utc_ns, site_gcrs
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
 from tests.truth.low_passes import (
@@ -37,7 +37,7 @@ from tests.truth.low_passes import (
     streak_of,
 )
 
-TIMING = Timing(scatter_s=SCATTER_S)
+TIMING = TimingErrors(scatter_s=SCATTER_S)
 LEAP_S, LEAPS = 5.5, 20
 HALF_SHORT_SIDE_ARCMIN = 37.0
 
@@ -69,10 +69,10 @@ def follow(one: LowPass, random: np.random.Generator) -> Followed:
     early = [t + round(n * LEAP_S * NS_PER_S) for n in (1, 2, 3)]
     late = np.linspace(early[-1], last, LEAPS - 3)[1:].astype(np.int64).tolist()
     for t in [*early, *late]:
-        place = track.ahead(t)
+        place = track.predicted_position(t)
         new = update_leap_track(track, streak_of(one, t, random))
         assert new is not None, f"{one.norad_id} is refused {(t - t_first) / NS_PER_S:.0f} s on"
-        if track.best.orbit is not None and place is not None:
+        if track.best_hypothesis.orbit is not None and place is not None:
             sigmas.append(sigmas_off(off_arcsec(one, place), place))
         track = new
     return Followed(one=one, first=first, t_first_utc_ns=t_first, track=track, sigmas=sigmas)
@@ -96,7 +96,7 @@ def test_one_streak_says_where_it_is_five_seconds_later(followed) -> None:
     within, far = [], []
     for each in followed:
         t = each.t_first_utc_ns + 5 * NS_PER_S
-        places = [each.first.ahead(t, n) for n in range(len(each.first.hypotheses))]
+        places = [each.first.predicted_position(t, n) for n in range(len(each.first.hypotheses))]
         known = [place for place in places if place is not None]
         off, place = min(
             ((off_arcsec(each.one, place), place) for place in known),
@@ -123,8 +123,8 @@ def test_both_senses_are_kept_where_either_may_be_and_the_rare_one_is_said_to_be
 def test_a_second_streak_decides_the_sense(followed) -> None:
     for each in followed:
         assert len(each.track.hypotheses) == 1
-        last = each.track.best.streaks[-1]
-        places = each.one.satellite.astrometric_place(SITE, last.t_utc_ns)
+        last = each.track.best_hypothesis.streaks[-1]
+        places = each.one.satellite.astrometric_place(SITE, last.ends_utc_ns)
         nearer = np.abs(places.dec_icrs_deg - last.dec_icrs_deg).sum()
         assert nearer <= np.abs(places.dec_icrs_deg - last.dec_icrs_deg[::-1]).sum()
 
@@ -139,8 +139,8 @@ def test_predictions_hold_what_they_state_from_leap_to_leap(followed) -> None:
 def test_the_orbit_runs_along_its_track_to_an_arcsecond(followed) -> None:
     for each in followed:
         off = []
-        for streak in each.track.best.streaks:
-            place = each.track.ahead(streak.t_mid_utc_ns)
+        for streak in each.track.best_hypothesis.streaks:
+            place = each.track.predicted_position(streak.t_mid_utc_ns)
             east, north = off_arcsec(each.one, place)
             ahead = place.rate_arcsec_s / place.speed_arcsec_s
             off.append(north * ahead[0] - east * ahead[1])
@@ -151,14 +151,16 @@ def next_pass(each: Followed) -> ExpectedPass | None:
     """Of the orbit, within a day."""
     from_ns = each.one.set_utc_ns + 600 * NS_PER_S
     until_ns = from_ns + NS_PER_DAY
-    found = passes_above(each.track.best.orbit, SITE, from_ns, until_ns, MIN_ALTITUDE_DEG)
+    found = passes_above(
+        each.track.best_hypothesis.orbit, SITE, from_ns, until_ns, MIN_ALTITUDE_DEG
+    )
     return next(found, None)
 
 
 def late_and_aside(each: Followed, expected: ExpectedPass) -> tuple[float, float]:
     """True minus predicted: seconds along the orbit, degrees across as seen from the site."""
     t = (expected.rise_utc_ns + expected.set_utc_ns) // 2
-    r, _ = each.track.best.orbit.states(np.array([t]))
+    r, _ = each.track.best_hypothesis.orbit.states(np.array([t]))
     true, speed = each.one.satellite.position_gcrs(np.array([t]))
     late_s = float((r[0] - true[0]) @ speed[0] / (speed[0] @ speed[0]))
     there, speed = each.one.satellite.position_gcrs(np.array([t + round(late_s * NS_PER_S)]))
@@ -190,7 +192,7 @@ def test_the_stated_error_is_no_wider_than_the_noise_makes_it(followed, monkeypa
         expected = next_pass(each)
         if expected is None:
             continue
-        orbit, best = each.track.best.orbit, each.track.best
+        orbit, best = each.track.best_hypothesis.orbit, each.track.best_hypothesis
         sharp = fit_streaks(
             SITE, best.streaks, (orbit.r_km, orbit.v_km_s), orbit.epoch_utc_ns, TIMING
         )
@@ -214,7 +216,7 @@ def test_a_clock_that_is_off_is_in_the_errors_where_it_is_stated() -> None:
     streaks = [in_true_sense(one, streak_of(one, t, random, bias_s=0.4)) for t in span]
     r, v = one.satellite.position_gcrs(np.array([span[5]]))
     sigmas = []
-    for timing in (TIMING, Timing(scatter_s=SCATTER_S, bias_sigma_s=0.3)):
+    for timing in (TIMING, TimingErrors(scatter_s=SCATTER_S, bias_sigma_s=0.3)):
         orbit = fit_streaks(SITE, streaks, (r[0], v[0]), span[5], timing)
         assert orbit is not None
         true = np.concatenate(
@@ -229,12 +231,14 @@ def test_a_clock_that_is_off_is_in_the_errors_where_it_is_stated() -> None:
 def test_an_end_beyond_the_rim_is_no_measurement_along(followed) -> None:
     """A streak that the frame cuts sharpens the orbit across, and its false end moves nothing."""
     each = followed[0]
-    t = each.track.best.streaks[-1].t_mid_utc_ns - 30 * NS_PER_S
-    earlier = [one for one in each.track.best.streaks if one.t_mid_utc_ns < t]
+    t = each.track.best_hypothesis.streaks[-1].t_mid_utc_ns - 30 * NS_PER_S
+    earlier = [one for one in each.track.best_hypothesis.streaks if one.t_mid_utc_ns < t]
     track = begin_leap_track(SITE, earlier[0], TIMING)
     for one in earlier[1:]:
         track = update_leap_track(track, one)
-    whole = streak_along_motion(streak_of(each.one, t, np.random.default_rng(2)), track.ahead(t))
+    whole = streak_along_motion(
+        streak_of(each.one, t, np.random.default_rng(2)), track.predicted_position(t)
+    )
     # The last third lies outside: the line ends at the rim.
     cut_ra = whole.ra_icrs_deg.copy()
     cut_dec = whole.dec_icrs_deg.copy()
@@ -251,15 +255,15 @@ def test_an_end_beyond_the_rim_is_no_measurement_along(followed) -> None:
     assert begin_leap_track(SITE, cut, TIMING) is None  # it has no rate
     after = update_leap_track(track, cut)
     assert after is not None
-    place = after.ahead(t + 6 * NS_PER_S)
+    place = after.predicted_position(t + 6 * NS_PER_S)
     assert sigmas_off(off_arcsec(each.one, place), place) < 3.5
-    before = track.ahead(t + 6 * NS_PER_S)
+    before = track.predicted_position(t + 6 * NS_PER_S)
     assert np.linalg.det(place.covariance_arcsec2) < np.linalg.det(before.covariance_arcsec2)
 
 
 def test_another_satellites_streak_is_refused(followed) -> None:
     each = followed[0]
-    t = each.track.best.streaks[-1].t_mid_utc_ns + 6 * NS_PER_S
+    t = each.track.best_hypothesis.streaks[-1].t_mid_utc_ns + 6 * NS_PER_S
     true = streak_of(each.one, t, np.random.default_rng(3))
     aside = StreakEnds(
         t_open_utc_ns=true.t_open_utc_ns,
@@ -279,14 +283,14 @@ def test_a_frame_without_it_makes_the_other_sense_likelier() -> None:
     )
     t = polar.rise_utc_ns + 10 * NS_PER_S
     track = begin_leap_track(SITE, streak_of(polar, t, np.random.default_rng(6)), TIMING)
-    before, later = track.best, t + 5 * NS_PER_S
-    place = track.ahead(later)
+    before, later = track.best_hypothesis, t + 5 * NS_PER_S
+    place = track.predicted_position(later)
     centre = (place.ra_icrs_deg, place.dec_icrs_deg)
     track = leap_track_after_miss(track, later, centre, 0.6)
-    assert track.best.streaks[0] is not before.streaks[0]
-    assert track.best.probability > 0.85
+    assert track.best_hypothesis.streaks[0] is not before.streaks[0]
+    assert track.best_hypothesis.probability > 0.85
     far = leap_track_after_miss(track, later, (centre[0], -centre[1]), 0.6)
-    assert far.best.probability == pytest.approx(track.best.probability)
+    assert far.best_hypothesis.probability == pytest.approx(track.best_hypothesis.probability)
 
 
 def test_the_flattened_earth_moves_it_as_all_forces_do() -> None:
@@ -294,7 +298,7 @@ def test_the_flattened_earth_moves_it_as_all_forces_do() -> None:
     epoch = iso_to_utc_ns("2023-06-22T03:00:00Z")
     r, v = np.array([6900.0, 0.0, 0.0]), np.array([0.0, 4.0, 6.4])
     t = np.array([-600.0, -7.0, 0.0, 3.0, 333.3, 600.0, 5_800.0])
-    quick = Zonal(epoch_utc_ns=epoch).states(r, v, t)
+    quick = ZonalPropagator(epoch_utc_ns=epoch).states(r, v, t)
     all_forces = PerturbedPropagator(epoch_utc_ns=epoch, area_to_mass_m2_kg=0.0).states(r, v, t)
     off_m = 1000.0 * np.linalg.norm(quick[0] - all_forces[0], axis=-1)
     assert np.all(off_m[:-1] < 25.0)

@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.orbits import (
     LeapTrack,
     PredictedPosition,
-    Timing,
+    TimingErrors,
     begin_leap_track,
     update_leap_track,
 )
@@ -22,8 +22,8 @@ from tests.truth.low_passes import (
     streak_of,
 )
 
-STATED = Timing(scatter_s=0.015, bias_sigma_s=0.1, scatter_frames=2.0)
-MEASURED = Timing(scatter_s=0.015, bias_sigma_s=0.1)
+STATED = TimingErrors(scatter_s=0.015, bias_sigma_s=0.1, scatter_frames=2.0)
+MEASURED = TimingErrors(scatter_s=0.015, bias_sigma_s=0.1)
 LEAP_S, LEAPS, PASSES = 6.0, 20, 12
 FEW = 4
 """Of the passes, where the statistics wait for the night."""
@@ -65,7 +65,7 @@ class Course:
 def course(
     one: LowPass,
     scatter_s: float,
-    timing: Timing,
+    timing: TimingErrors,
     random: np.random.Generator,
     *,
     shake_arcsec: float = 0.0,
@@ -89,7 +89,7 @@ def course(
             shake_arcsec=shake_arcsec,
             hidden=hidden if n % 4 == 3 else 0.0,
         )
-        path = track.path(at - NS_PER_S, 4.0, step_s=1.0)
+        path = track.predicted_path(at - NS_PER_S, 4.0, step_s=1.0)
         after = update_leap_track(track, streak)
         if after is None:
             refused += 1
@@ -117,7 +117,7 @@ def test_no_streak_is_refused_for_its_time(courses) -> None:
 
 def test_the_scatter_is_learned(courses) -> None:
     scatter_s, of_all = courses
-    learned = [each.track.best.scatter_s / scatter_s for each in of_all]
+    learned = [each.track.best_hypothesis.scatter_s / scatter_s for each in of_all]
     assert 0.75 < np.median(learned) < 1.3
     assert min(learned) > 0.4
     assert max(learned) < 1.7
@@ -132,10 +132,10 @@ def test_the_next_shutter_finds_it_within_what_is_stated(courses) -> None:
 
 def test_a_steady_shutter_is_learned_to_be_steady() -> None:
     """Stated ten times too wide, where nobody has measured it."""
-    random, wide = np.random.default_rng(7), Timing(scatter_s=0.15, scatter_frames=2.0)
+    random, wide = np.random.default_rng(7), TimingErrors(scatter_s=0.15, scatter_frames=2.0)
     for one in low_passes(2):
         found = course(one, 0.01, wide, random)
-        assert found.track.best.scatter_s < 0.06
+        assert found.track.best_hypothesis.scatter_s < 0.06
 
 
 def test_a_measured_shutter_is_believed() -> None:
@@ -143,7 +143,7 @@ def test_a_measured_shutter_is_believed() -> None:
     random = np.random.default_rng(8)
     found = [course(one, 0.24, MEASURED, random) for one in low_passes(4)]
     assert sum(each.refused for each in found) > 3
-    assert all(each.track.best.scatter_s == MEASURED.scatter_s for each in found)
+    assert all(each.track.best_hypothesis.scatter_s == MEASURED.scatter_s for each in found)
 
 
 @pytest.fixture(scope="module", params=[FEW, pytest.param(PASSES, marks=MANY)])
@@ -163,19 +163,19 @@ def test_wind_and_hidden_ends_cost_no_streak(rough) -> None:
 
 
 def test_what_shakes_the_ends_is_learned(rough) -> None:
-    learned = [each.track.best.shake_arcsec for each in rough]
+    learned = [each.track.best_hypothesis.shake_arcsec for each in rough]
     assert 2.4 < np.median(learned) < 3.6
     assert max(learned) < 4.5
     random = np.random.default_rng(10)
     still = [course(one, 0.06, STATED, random) for one in low_passes(1)]
-    assert max(each.track.best.shake_arcsec for each in still) < 0.4
+    assert max(each.track.best_hypothesis.shake_arcsec for each in still) < 0.4
 
 
 def test_the_orbit_is_as_good_as_it_says(rough) -> None:
     """Six numbers, late by what all frames are late together: 99.9 in 100 below 22.5."""
     off = []
     for each in rough:
-        orbit, one = each.track.best.orbit, each.one
+        orbit, one = each.track.best_hypothesis.orbit, each.one
         t = np.array([orbit.epoch_utc_ns])
         true = np.concatenate([part[0] for part in one.satellite.position_gcrs(t)])
         error = np.concatenate([orbit.r_km, orbit.v_km_s]) - true

@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.config import FilterConfig
 from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.records import Measurement, Site
-from rsoconsole.sky import Places, times, wrap_180
+from rsoconsole.sky import SkyPlaces, times, wrap_180
 from rsoconsole.tracking.filters import lqe
 
 DAYTONA = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
@@ -41,7 +41,7 @@ def geo(inclination_deg: float, anomaly_deg: float) -> Satellite:
     return Satellite(parse_elements("\n".join(export_tle(record)))[0])
 
 
-def measured(places: Places, sigma_arcsec: float, seed: int) -> list[Measurement]:
+def measured(places: SkyPlaces, sigma_arcsec: float, seed: int) -> list[Measurement]:
     noise = np.random.default_rng(seed).normal(0, sigma_arcsec / 3600, (FRAMES, 2))
     noise[:, 0] /= np.cos(np.radians(places.dec_icrs_deg))
     return [
@@ -149,7 +149,7 @@ def test_paper_formulas_in_arcseconds_are_another_filter():
             DAYTONA, times.iso_to_utc_ns("2023-06-22T00:00:00Z") + np.arange(FRAMES) * 10**9
         ), 4.0, 0)[0], config)  # fmt: skip
     P = np.eye(4)
-    F, Q = lqe.transition(CADENCE_S), lqe.process_noise(CADENCE_S, 0.0, config)
+    F, Q = lqe.transition_matrix(CADENCE_S), lqe.process_noise(CADENCE_S, 0.0, config)
     for _ in range(200):
         prior = F @ P @ F.T + Q
         gain = prior @ lqe.C.T @ np.linalg.inv(lqe.C @ prior @ lqe.C.T + R)

@@ -15,14 +15,14 @@ from rsoconsole.orbits import (
     MeasuredDirections,
     Orbit,
     Satellite,
-    determine,
-    mean_elements,
-    omm,
+    determine_orbit,
+    fit_mean_elements,
+    omm_message,
     parse_elements,
 )
 from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.orbits.elements.sgp4_fit import TLE_STEP_NS
-from rsoconsole.sky import Places, iso_to_utc_ns
+from rsoconsole.sky import SkyPlaces, iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
 from tests.truth.orbit_truth import DAYTONA, off_arcsec, seen_with_noise
 from tests.truth.orekit import ask
@@ -55,12 +55,12 @@ def observed(published: Satellite, sigma: float) -> tuple[MeasuredDirections, Or
     t = T0 + (TWO_NIGHTS_S * NS_PER_S).astype(np.int64)
     places = published.astrometric_place(DAYTONA, t)
     seen = seen_with_noise(np.random.default_rng(4), DAYTONA, places, sigma)
-    orbit = determine(seen)
+    orbit = determine_orbit(seen)
     assert orbit is not None
     return seen, orbit
 
 
-def worst(one: Places, other: Places) -> float:
+def worst(one: SkyPlaces, other: SkyPlaces) -> float:
     return float(np.max(np.linalg.norm(off_arcsec(one, other), axis=1)))
 
 
@@ -78,7 +78,7 @@ def test_elements_of_two_nights_are_those_that_made_them(
 ) -> None:
     truth = satellite(published)
     seen, orbit = observed(truth, sigma)
-    fitted = Satellite(mean_elements(orbit, seen).element_set())
+    fitted = Satellite(fit_mean_elements(orbit, seen).element_set())
     during, later = seen.t_utc_ns, seen.t_utc_ns[-1] + np.arange(0, 86_401, 3600) * NS_PER_S
     for instants, bound in ((during, in_span), (later, a_day_later)):
         ours = fitted.astrometric_place(DAYTONA, instants)
@@ -88,7 +88,7 @@ def test_elements_of_two_nights_are_those_that_made_them(
 @pytest.fixture(scope="module")
 def fitted() -> MeanElements:
     seen, orbit = observed(satellite(INTELSAT_14), 1.0)
-    return mean_elements(orbit, seen, norad_id=80_042, name="UNKNOWN 42")
+    return fit_mean_elements(orbit, seen, norad_id=80_042, name="UNKNOWN 42")
 
 
 def test_two_lines_are_well_formed_and_named_as_an_analysts(fitted) -> None:
@@ -108,14 +108,16 @@ def test_sgp4s_own_readers_find_the_same_satellite_in_every_form(fitted) -> None
     from sgp4 import omm as reader
     from sgp4.api import Satrec
 
-    xml = next(reader.parse_xml(io.StringIO(omm(fitted, created_utc_ns=CREATED, form="xml"))))
-    (flat,) = json.loads(omm(fitted, created_utc_ns=CREATED, form="json"))
+    xml = next(
+        reader.parse_xml(io.StringIO(omm_message(fitted, created_utc_ns=CREATED, form="xml")))
+    )
+    (flat,) = json.loads(omm_message(fitted, created_utc_ns=CREATED, form="json"))
     kvn = dict(
         line.split(" = ", 1)
-        for line in omm(fitted, created_utc_ns=CREATED).splitlines()
+        for line in omm_message(fitted, created_utc_ns=CREATED).splitlines()
         if " = " in line
     )
-    own = fitted.record()
+    own = fitted.sgp4_record()
     a_day_on = (own.jdsatepoch + 1.0, own.jdsatepochF)
     for fields in (xml, {key: str(value) for key, value in flat.items()}, kvn):
         record = Satrec()
@@ -128,13 +130,13 @@ def test_sgp4s_own_readers_find_the_same_satellite_in_every_form(fitted) -> None
 
 def test_orekit_reads_the_message(fitted) -> None:
     forms = ("kvn", "xml")
-    asked = [{"text": omm(fitted, created_utc_ns=CREATED, form=form)} for form in forms]
+    asked = [{"text": omm_message(fitted, created_utc_ns=CREATED, form=form)} for form in forms]
     for found in ask("omm", asked):
         assert found["name"] == "UNKNOWN 42"
         assert found["norad_id"] == 80_042
         assert found["frame"] == "TEME"
         assert found["theory"] == "SGP4"
-        assert found["epoch"].rstrip("Z") in omm(fitted, created_utc_ns=CREATED)
+        assert found["epoch"].rstrip("Z") in omm_message(fitted, created_utc_ns=CREATED)
         assert found["revolutions_a_day"] == pytest.approx(fitted.revolutions_a_day, abs=1e-11)
         assert found["e"] == pytest.approx(fitted.e, abs=1e-11)
         for key in ("i_deg", "raan_deg", "argp_deg", "m_deg"):
@@ -145,10 +147,10 @@ def test_names_from_elsewhere_do_no_harm_to_a_message(fitted) -> None:
     from dataclasses import replace
 
     named = replace(fitted, name="<&>\nCOMMENT = 1")
-    text = omm(named, created_utc_ns=CREATED)
+    text = omm_message(named, created_utc_ns=CREATED)
     assert "OBJECT_NAME = <&> COMMENT = 1" in text.splitlines()
-    assert "&lt;&amp;&gt; COMMENT = 1" in omm(named, created_utc_ns=CREATED, form="xml")
-    json.loads(omm(named, created_utc_ns=CREATED, form="json"))
+    assert "&lt;&amp;&gt; COMMENT = 1" in omm_message(named, created_utc_ns=CREATED, form="xml")
+    json.loads(omm_message(named, created_utc_ns=CREATED, form="json"))
 
 
 @settings(max_examples=60, deadline=None)
@@ -184,9 +186,9 @@ def test_an_orbit_that_has_come_down_has_no_elements() -> None:
 
     seen, orbit = observed(satellite(INTELSAT_14), 1.0)
     with pytest.raises(OrbitError, match="elements"):
-        mean_elements(replace(orbit, v_km_s=orbit.v_km_s * 0.01), seen)
+        fit_mean_elements(replace(orbit, v_km_s=orbit.v_km_s * 0.01), seen)
     with pytest.raises(OrbitError, match="elements"):
-        mean_elements(replace(orbit, v_km_s=orbit.v_km_s * 2.0), seen)
+        fit_mean_elements(replace(orbit, v_km_s=orbit.v_km_s * 2.0), seen)
 
 
 def test_a_number_that_two_lines_cannot_hold_is_refused_and_an_omm_holds_it(fitted) -> None:
@@ -195,4 +197,4 @@ def test_a_number_that_two_lines_cannot_hold_is_refused_and_an_omm_holds_it(fitt
     large = replace(fitted, norad_id=799_999_999)
     with pytest.raises(OrbitError, match="write an OMM"):
         large.element_set()
-    assert "NORAD_CAT_ID = 799999999" in omm(large, created_utc_ns=CREATED)
+    assert "NORAD_CAT_ID = 799999999" in omm_message(large, created_utc_ns=CREATED)

@@ -16,8 +16,8 @@ from rsoconsole.orbits import (
     Orbit,
     PerturbedPropagator,
     TwoBodyPropagator,
-    determine,
-    elements_of,
+    determine_orbit,
+    osculating_elements,
     predict,
     reduce_directions,
 )
@@ -84,7 +84,7 @@ def test_short_arcs_foretell_an_hour_and_say_how_well(arc_min, sigma, median_arc
         rows = {name: getattr(places, name) for name in type(places).__dataclass_fields__}
         arc = type(places)(**{name: row[:-1] for name, row in rows.items()})
         later = type(places)(**{name: row[-1:] for name, row in rows.items()})
-        orbit = determine(seen_with_noise(random, flight.site, arc, sigma), prior="geo")
+        orbit = determine_orbit(seen_with_noise(random, flight.site, arc, sigma), prior="geo")
         assert orbit is not None
         assert orbit.label == "constrained by prior"
         ahead = predict(orbit, flight.site, later.t_utc_ns)
@@ -98,8 +98,8 @@ def test_short_arcs_foretell_an_hour_and_say_how_well(arc_min, sigma, median_arc
 
 def test_four_hours_need_no_prior_and_half_an_hour_needs_one() -> None:
     flight = one_geo()
-    long = determine(seen_at(flight, np.arange(0.0, 4.0 * HOUR_S, 60.0)))
-    short = determine(seen_at(flight, np.arange(0.0, 1801.0, 60.0)))
+    long = determine_orbit(seen_at(flight, np.arange(0.0, 4.0 * HOUR_S, 60.0)))
+    short = determine_orbit(seen_at(flight, np.arange(0.0, 1801.0, 60.0)))
     assert long is not None
     assert short is not None
     assert (long.label, long.prior) == ("free", "none")
@@ -113,7 +113,7 @@ def test_four_hours_need_no_prior_and_half_an_hour_needs_one() -> None:
 @pytest.mark.parametrize("i_deg", [pytest.param(0.05, marks=ONE_MORE), 7.0])
 def test_two_nights_of_ten_minutes_foretell_the_third_to_five_arcsec(i_deg: float) -> None:
     flight = one_geo(i_deg=i_deg)
-    orbit = determine(seen_at(flight, np.concatenate([TEN_MINUTES_S, DAY_S + TEN_MINUTES_S])))
+    orbit = determine_orbit(seen_at(flight, np.concatenate([TEN_MINUTES_S, DAY_S + TEN_MINUTES_S])))
     assert orbit is not None
     error, squared = surprise(orbit, flight, 2.0 * DAY_S + 600.0)
     assert error < 5.0
@@ -143,10 +143,10 @@ def test_the_turns_between_two_nights_of_a_navigation_satellite_are_counted(seed
     begun = high_s[0]
     again = high_s[high_s > begun + 0.9 * DAY_S][0]
     part_s = np.arange(0.0, 601.0, 30.0)
-    orbit = determine(seen_at(flight, np.concatenate([begun + part_s, again + part_s])))
+    orbit = determine_orbit(seen_at(flight, np.concatenate([begun + part_s, again + part_s])))
     assert orbit is not None
-    true = elements_of(flight.start[0, :3], flight.start[0, 3:]).a_km
-    assert elements_of(orbit.r_km, orbit.v_km_s).a_km == pytest.approx(true, abs=10.0)
+    true = osculating_elements(flight.start[0, :3], flight.start[0, 3:]).a_km
+    assert osculating_elements(orbit.r_km, orbit.v_km_s).a_km == pytest.approx(true, abs=10.0)
     _, squared = surprise(orbit, flight, float(again) + 1800.0)
     assert squared < THREE_SIGMA
 
@@ -155,7 +155,7 @@ def test_two_passes_of_a_low_satellite_are_one_orbit() -> None:
     low = state_of(7_378.0, 0.008, np.radians(70.0), (2.0, 2.0, 3.0))
     flight, high_s = when_high(low, np.arange(0.0, 0.25 * DAY_S, 10.0))
     assert len(np.flatnonzero(np.diff(high_s) > 3000.0)) >= 1
-    orbit = determine(seen_at(flight, high_s, 2.0))
+    orbit = determine_orbit(seen_at(flight, high_s, 2.0))
     assert orbit is not None
     assert (orbit.label, orbit.prior) == ("free", "none")
     assert orbit.rms_arcsec < 3.0
@@ -168,11 +168,11 @@ def test_two_passes_of_a_low_satellite_are_one_orbit() -> None:
 def test_refining_from_an_earlier_orbit_finds_what_a_search_finds() -> None:
     flight = one_geo()
     since_s = np.arange(0.0, 3.0 * HOUR_S, 60.0)
-    earlier = determine(seen_at(flight, since_s[:150]))
+    earlier = determine_orbit(seen_at(flight, since_s[:150]))
     all_ = seen_at(flight, since_s)
     assert earlier is not None
     r, v = earlier.states(np.array([all_.epoch_utc_ns]))
-    refined, searched = determine(all_, start=(r[0], v[0])), determine(all_)
+    refined, searched = determine_orbit(all_, start=(r[0], v[0])), determine_orbit(all_)
     assert refined is not None
     assert searched is not None
     sigma = np.sqrt(np.diag(searched.covariance))
@@ -184,7 +184,7 @@ def test_a_start_that_leads_nowhere_does_no_harm() -> None:
     flight = one_geo()
     seen = seen_at(flight, np.arange(0.0, HOUR_S, 60.0))
     wrong = state_of(7_000.0, 0.01, 1.0, (1.0, 2.0, 3.0))
-    from_wrong, searched = determine(seen, start=wrong), determine(seen)
+    from_wrong, searched = determine_orbit(seen, start=wrong), determine_orbit(seen)
     assert from_wrong is not None
     assert searched is not None
     np.testing.assert_allclose(from_wrong.r_km, searched.r_km, rtol=1e-4)
@@ -203,7 +203,7 @@ def test_one_wild_direction_in_ten_moves_the_orbit_by_no_sigma(seed: int) -> Non
     spoilt = reduce_directions(
         DAYTONA, clean.t_utc_ns, ra, dec, np.tile([1.0, 0.0, 1.0], (len(ra), 1))
     )
-    with_them, without = determine(spoilt), determine(clean)
+    with_them, without = determine_orbit(spoilt), determine_orbit(clean)
     assert with_them is not None
     assert without is not None
     assert abs(with_them.outliers - int(wild.sum())) <= 2
@@ -220,7 +220,7 @@ def test_directions_that_scatter_more_than_they_claim_widen_the_covariance() -> 
     seen = reduce_directions(
         DAYTONA, noisy.t_utc_ns, noisy.ra_icrs_deg, noisy.dec_icrs_deg, claimed
     )
-    honest, boasting = determine(noisy, prior="geo"), determine(seen, prior="geo")
+    honest, boasting = determine_orbit(noisy, prior="geo"), determine_orbit(seen, prior="geo")
     assert honest is not None
     assert boasting is not None
     assert boasting.outliers == 0
@@ -230,13 +230,13 @@ def test_directions_that_scatter_more_than_they_claim_widen_the_covariance() -> 
 
 def test_a_held_satellite_is_as_predicted_for_a_day_by_what_the_catalogue_knows() -> None:
     held = one_geo(i_deg=0.05, a_km=42_165.9)
-    orbit = determine(seen_at(held, TEN_MINUTES_S))
+    orbit = determine_orbit(seen_at(held, TEN_MINUTES_S))
     assert orbit is not None
     assert (orbit.label, orbit.prior) == ("constrained by prior", "slot")
     error, squared = surprise(orbit, held, 600.0 + DAY_S)
     assert error < 300.0
     assert squared < THREE_SIGMA
-    inclined = determine(seen_at(one_geo(i_deg=3.0, a_km=42_165.9), TEN_MINUTES_S))
+    inclined = determine_orbit(seen_at(one_geo(i_deg=3.0, a_km=42_165.9), TEN_MINUTES_S))
     assert inclined is not None
     assert inclined.prior == "geo"
 
@@ -244,7 +244,7 @@ def test_a_held_satellite_is_as_predicted_for_a_day_by_what_the_catalogue_knows(
 def test_a_days_error_is_bent_and_the_stated_ellipse_holds_it_all_the_same() -> None:
     """Orbits drawn from the covariance itself, moved exactly: a long error leaves its tangent."""
     flight = one_geo(i_deg=7.0)
-    orbit = determine(seen_at(flight, np.arange(0.0, HOUR_S, 60.0)), prior="geo")
+    orbit = determine_orbit(seen_at(flight, np.arange(0.0, HOUR_S, 60.0)), prior="geo")
     assert orbit is not None
     orbit = replace(orbit, forces=TwoBodyPropagator())
     random = np.random.default_rng(1)
@@ -264,17 +264,17 @@ def test_a_days_error_is_bent_and_the_stated_ellipse_holds_it_all_the_same() -> 
 def test_a_prior_that_the_directions_contradict_is_not_believed() -> None:
     eccentric = one_geo(e=0.05)
     seen = seen_at(eccentric, np.arange(0.0, 4.0 * HOUR_S, 60.0))
-    forced, free = determine(seen, prior="geo"), determine(seen)
+    forced, free = determine_orbit(seen, prior="geo"), determine_orbit(seen)
     assert forced is not None
     assert free is not None
     assert forced.label == "weak geometry"
     assert (free.label, free.prior) == ("free", "none")
-    assert elements_of(free.r_km, free.v_km_s).e == pytest.approx(0.05, abs=2e-3)
+    assert osculating_elements(free.r_km, free.v_km_s).e == pytest.approx(0.05, abs=2e-3)
 
 
 def test_three_directions_are_checked_by_nothing() -> None:
     flight = one_geo()
-    orbit = determine(seen_at(flight, np.array([0.0, 300.0, 600.0])))
+    orbit = determine_orbit(seen_at(flight, np.array([0.0, 300.0, 600.0])))
     assert orbit is not None
     assert orbit.label in {"weak geometry", "not observable"}
 
@@ -282,7 +282,7 @@ def test_three_directions_are_checked_by_nothing() -> None:
 @pytest.mark.parametrize("since_s", [[], [0.0], [0.0, 60.0], [5.0, 5.0, 5.0, 5.0]])
 def test_too_little_to_tell_an_orbit_gives_none(since_s: list[float]) -> None:
     flight = one_geo()
-    assert determine(seen_at(flight, np.array(since_s))) is None
+    assert determine_orbit(seen_at(flight, np.array(since_s))) is None
 
 
 def test_a_direction_that_is_no_number_is_refused() -> None:
@@ -314,7 +314,7 @@ def test_whatever_is_seen_gives_numbers_and_an_honest_label(
     t = T0 + (since_s * NS_PER_S).astype(np.int64)
     covariance = np.tile([sigma**2, 0.0, sigma**2], (len(t), 1))
     site = Site(latitude_deg=-33.0, longitude_deg=18.0, elevation_m=100.0)
-    orbit = determine(reduce_directions(site, t, ra, dec, covariance))
+    orbit = determine_orbit(reduce_directions(site, t, ra, dec, covariance))
     if orbit is None:
         return
     assert np.all(np.isfinite(np.concatenate([orbit.r_km, orbit.v_km_s])))
@@ -336,5 +336,7 @@ def test_whatever_is_seen_gives_numbers_and_an_honest_label(
 def test_no_short_arc_is_called_free(arc_s: float, prior) -> None:
     for seed in range(2):
         flight = one_geo(seed, e=0.002 * seed)
-        orbit = determine(seen_at(flight, np.arange(0.0, arc_s + 1.0, 30.0), 4.0), prior=prior)
+        orbit = determine_orbit(
+            seen_at(flight, np.arange(0.0, arc_s + 1.0, 30.0), 4.0), prior=prior
+        )
         assert orbit is None or orbit.label != "free"

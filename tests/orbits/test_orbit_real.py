@@ -10,9 +10,9 @@ import pytest
 from rsoconsole.orbits import (
     MeasuredDirections,
     Satellite,
-    determine,
-    elements_of,
-    gooding,
+    determine_orbit,
+    gooding_orbits,
+    osculating_elements,
     parse_elements,
     predict,
     reduce_directions,
@@ -47,10 +47,10 @@ def observed(name: str, sigma_arcsec: float) -> tuple[dict[str, Any], Site, Meas
 
 def test_kazsat_2_by_goodings_method_is_where_orekit_has_it() -> None:
     given, _, seen = observed("kazsat2_37749.json", 1.0)
-    (found,) = gooding(three_sight_lines(seen))
+    (found,) = gooding_orbits(three_sight_lines(seen))
     one_percent = 0.01
     theirs = given["orekit_gooding"]
-    ours = elements_of(found.r_km, found.v_km_s)
+    ours = osculating_elements(found.r_km, found.v_km_s)
     assert ours.a_km == pytest.approx(theirs["a_m"] / 1000.0, rel=one_percent)
     assert ours.i_deg == pytest.approx(theirs["i_deg"], abs=0.01)
 
@@ -58,7 +58,7 @@ def test_kazsat_2_by_goodings_method_is_where_orekit_has_it() -> None:
 @pytest.mark.parametrize("prior", ["auto", "none", "geo", "slot"])
 def test_three_observations_of_kazsat_2_claim_no_more_than_they_can(prior) -> None:
     given, _, seen = observed("kazsat2_37749.json", 1.0)
-    orbit = determine(seen, prior=prior)
+    orbit = determine_orbit(seen, prior=prior)
     assert orbit is not None
     published = Satellite(parse_elements("\n".join(given["tle"]))[0])
     (r,), (v,) = published.position_gcrs(np.array([orbit.epoch_utc_ns]))
@@ -74,7 +74,7 @@ def test_three_observations_of_kazsat_2_claim_no_more_than_they_can(prior) -> No
 def test_ten_minutes_of_navstar_77_foretell_the_next_ten_near_its_elements(prior) -> None:
     """Its published sets, eight days before and seven after, are themselves 35 arcsec off."""
     given, site, seen = observed("navstar77_43873.json", 0.5)
-    orbit = determine(seen, prior=prior)
+    orbit = determine_orbit(seen, prior=prior)
     assert orbit is not None
     assert orbit.label in {"free", "constrained by prior"}
     assert orbit.rms_arcsec < 1.0
@@ -85,6 +85,6 @@ def test_ten_minutes_of_navstar_77_foretell_the_next_ten_near_its_elements(prior
         off = off_arcsec(ahead.places, published.astrometric_place(site, later))
         sixty_arcsec = 60.0
         assert np.max(np.linalg.norm(off, axis=1)) < sixty_arcsec
-    elements = elements_of(orbit.r_km, orbit.v_km_s)
+    elements = osculating_elements(orbit.r_km, orbit.v_km_s)
     assert elements.a_km == pytest.approx(26_560.0, abs=3.0 * orbit.sigma_a_km)
     assert elements.i_deg == pytest.approx(55.0, abs=0.2)

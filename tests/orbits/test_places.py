@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbits import ElementSet, Orbit, Satellite, parse_elements, predict
-from rsoconsole.orbits.determination.fit import Fit
+from rsoconsole.orbits.determination.fit import OrbitFit
 from rsoconsole.records import Site
 from rsoconsole.sky import direction_to_unit, places, separation_deg, times, wrap_180
 
@@ -87,7 +87,7 @@ def moved_by(satellite: Satellite, t_utc_ns: int) -> Orbit:
     """An orbit with its epoch ten minutes earlier."""
     epoch = t_utc_ns - 600 * times.NS_PER_S
     r, v = satellite.position_gcrs(np.array([epoch]))
-    fit = Fit(
+    fit = OrbitFit(
         r_km=r[0],
         v_km_s=v[0],
         covariance=np.eye(6),

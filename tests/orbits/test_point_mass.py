@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.orbits import TwoBodyPropagator, determine, predict
+from rsoconsole.orbits import TwoBodyPropagator, determine_orbit, predict
 from rsoconsole.sky import iso_to_utc_ns
 from tests.truth.orbit_cases import state_of
 from tests.truth.orbit_truth import DAYTONA, geostationary, off_arcsec, seen_with_noise
@@ -53,7 +53,7 @@ def test_a_day_moved_as_in_the_paper_is_a_minute_of_arc_off() -> None:
     both_s = np.concatenate([night_s, 86_400.0 + night_s])
     seen = seen_with_noise(np.random.default_rng(2), DAYTONA, flight.places(both_s)[0], 1.0)
     later = flight.places(np.array([both_s[-1] + 86_400.0]))[0]
-    orbit = determine(seen)
+    orbit = determine_orbit(seen)
     assert orbit is not None
     paper = replace(orbit, forces=SteppedPointMass())
     exact = replace(orbit, forces=TwoBodyPropagator())

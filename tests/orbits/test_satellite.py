@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.base import OrbitError
-from rsoconsole.orbits import Satellite, nearest_in_epoch_of_each, parse_catalogue, parse_elements
+from rsoconsole.orbits import Satellite, nearest_epoch_entries, parse_catalogue, parse_elements
 from rsoconsole.orbits.elements.catalogue import magnitude
 from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.records import Site
@@ -106,7 +106,7 @@ def test_the_set_nearest_in_epoch_is_chosen():
     entries = parse_catalogue(with_checksums(old) + "\n" + GOOD)
     first, second = (one.epoch_utc_ns for one in entries)
     for t_utc_ns, name in ((first + 1, "OLD"), (second - 1, "INTELSAT 14")):
-        assert [one.name for one in nearest_in_epoch_of_each(entries, t_utc_ns)] == [name]
+        assert [one.name for one in nearest_epoch_entries(entries, t_utc_ns)] == [name]
 
 
 @pytest.mark.shared_data

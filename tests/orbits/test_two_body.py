@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rsoconsole.orbits import elements_of, period_s, propagate
+from rsoconsole.orbits import osculating_elements, period_s, propagate
 from rsoconsole.orbits.motion.two_body import propagate_with_slopes
 
 MU = 398600.4418
@@ -129,7 +129,7 @@ def test_elements_of_a_textbook_state() -> None:
     """Vallado, Fundamentals of Astrodynamics, example 2-5."""
     r = np.array([6524.834, 6862.875, 6448.296])
     v = np.array([4.901327, 5.533756, -1.976341])
-    found = elements_of(r, v, 398600.4418)
+    found = osculating_elements(r, v, 398600.4418)
     assert found.a_km == pytest.approx(36127.343, abs=0.01)
     assert found.e == pytest.approx(0.832853, abs=1e-6)
     assert found.i_deg == pytest.approx(87.870, abs=1e-3)
@@ -146,7 +146,7 @@ def test_a_circle_over_the_equator_has_elements_too(i_deg: float) -> None:
     angle = np.radians(40.0)
     r = 42164.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
     v = turn * np.sqrt(MU / 42164.0) * np.array([-np.sin(angle), np.cos(angle), 0.0])
-    found = elements_of(r, v, MU)
+    found = osculating_elements(r, v, MU)
     assert found.i_deg == pytest.approx(i_deg, abs=1e-9)
     assert found.e == pytest.approx(0.0, abs=1e-12)
     assert (found.raan_deg + turn * (found.argp_deg + found.m_deg)) % 360.0 == pytest.approx(40.0)

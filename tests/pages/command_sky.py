@@ -8,7 +8,11 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.simulator import Scene, scenario_named, start_observatory
 from rsoconsole.simulator.launch import Observatory
 from rsoconsole.simulator.nights.scenarios import ScenarioSatellite
-from rsoconsole.simulator.server import ObservatorySettings, ObservatoryStage, open_stage
+from rsoconsole.simulator.server import (
+    ObservatorySettings,
+    ObservatorySetup,
+    make_observatory_setup,
+)
 from tests.pages.command_things import BELT, site_toml
 from tests.truth.seen_satellites import geostationary
 
@@ -25,7 +29,7 @@ THIRD_EAST_DEG = -66.75
 """Where SES 10 and SES 17 stand at -66.9 and -67.1."""
 
 
-def three(settings: ObservatorySettings) -> ObservatoryStage:
+def three(settings: ObservatorySettings) -> ObservatorySetup:
     """The stage of ``ses-10`` with three satellites alike, near each other."""
     night = scenario_named("ses-10")
     pair = [each for each in night.satellites if each.element_set.norad_id in {SES_10, SES_17}]
@@ -37,7 +41,7 @@ def three(settings: ObservatorySettings) -> ObservatoryStage:
         night,
         satellites=tuple(ScenarioSatellite(element_set=s, standard_magnitude=11.9) for s in sets),
     )
-    stage = open_stage(replace(settings, stage=None, scenario="ses-10"))
+    stage = make_observatory_setup(replace(settings, stage=None, scenario="ses-10"))
     scene = Scene(night, settings.seed, optics=stage.optics, world=stage.world)
     return replace(stage, scene=scene)
 

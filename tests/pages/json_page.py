@@ -4,10 +4,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from rsoconsole.base import resource
+from rsoconsole.base import resource_path
 from rsoconsole.cli.words.output import WITH_UNITS
 
-PAGE = resource("cli", "JSON.md").read_text(encoding="utf-8")
+PAGE = resource_path("cli", "JSON.md").read_text(encoding="utf-8")
 
 
 def tables() -> list[list[tuple[str, str]]]:

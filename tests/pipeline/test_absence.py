@@ -9,11 +9,11 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline import Cycle, Reduction, StarHistory
 from rsoconsole.pipeline.cycle.miss_reasons import (
     KEPT_FRAMES,
-    Stars,
-    cloud_before,
-    eclipse_of,
-    explain_absence,
+    StarStatistics,
+    cloud_cause,
+    eclipse_cause,
     is_geostationary_like,
+    miss_with_causes,
     next_eclipse_utc_ns,
     updated_star_history,
 )
@@ -29,7 +29,7 @@ from rsoconsole.records import (
     TrackState,
     Wcs,
 )
-from rsoconsole.sky import icrs_of_hour_angle, iso_to_utc_ns, slot_direction
+from rsoconsole.sky import geo_slot_direction_deg, icrs_of_hour_angle, iso_to_utc_ns
 from rsoconsole.tracking import Following, LiveTrack
 from rsoconsole.words import text
 
@@ -43,7 +43,7 @@ GEO_RATE_DEG_S = 360.98564736629 / 86_400.0
 
 
 def direction(t_utc_ns: int, slot_deg: float = SLOT_DEG) -> tuple[float, float]:
-    return icrs_of_hour_angle(DAYTONA, *slot_direction(DAYTONA, slot_deg), t_utc_ns)
+    return icrs_of_hour_angle(DAYTONA, *geo_slot_direction_deg(DAYTONA, slot_deg), t_utc_ns)
 
 
 def track(t_utc_ns: int, *, rate_deg_s: float = GEO_RATE_DEG_S) -> TrackState:
@@ -81,8 +81,8 @@ def solution(ra_deg: float = 200.0) -> Solution:
     )
 
 
-def stars(count: int, flux_adu_s: float = 1000.0) -> Stars:
-    return Stars(count=count, flux_adu_s=flux_adu_s)
+def stars(count: int, flux_adu_s: float = 1000.0) -> StarStatistics:
+    return StarStatistics(count=count, flux_adu_s=flux_adu_s)
 
 
 def history(*counts: int) -> StarHistory:
@@ -137,7 +137,7 @@ TABLE = [
     ids=[row[0] for row in TABLE],
 )
 def test_an_absence_is_put_down_to_what_caused_it(shown, before, t_utc_ns, blocked, words):
-    found = explain_absence(
+    found = miss_with_causes(
         Missed(kind="no detection"),
         stars=stars(shown) if isinstance(shown, int) else shown,
         stars_before=before,
@@ -150,7 +150,7 @@ def test_an_absence_is_put_down_to_what_caused_it(shown, before, t_utc_ns, block
 
 
 def test_without_a_track_there_is_neither_eclipse_nor_refused_slew():
-    found = explain_absence(
+    found = miss_with_causes(
         Missed(kind="no detection"),
         stars=stars(200),
         stars_before=CLEAR,
@@ -166,7 +166,7 @@ def test_the_equinox_eclipse_is_as_long_as_published_and_lies_about_the_slots_mi
     """Up to ~70 min with the penumbra, ~67 of it dark, centred on the slot's solar midnight."""
     minutes = np.arange(-50, 50.5, 0.5)
     found = [
-        eclipse_of(track(at), DAYTONA, at)
+        eclipse_cause(track(at), DAYTONA, at)
         for at in (SHADOW + round(m * MINUTE_NS) for m in minutes)
     ]
     dark = np.array([each is not None and each.kind == "shadow" for each in found])
@@ -183,7 +183,7 @@ def test_the_equinox_eclipse_is_as_long_as_published_and_lies_about_the_slots_mi
 
 def test_there_is_no_eclipse_at_midsummer():
     midnight_ns = iso_to_utc_ns("2023-06-21T03:02:00Z")
-    assert eclipse_of(track(midnight_ns), DAYTONA, midnight_ns) is None
+    assert eclipse_cause(track(midnight_ns), DAYTONA, midnight_ns) is None
     assert next_eclipse_utc_ns(direction(midnight_ns), DAYTONA, midnight_ns) is None
 
 
@@ -194,7 +194,7 @@ def test_there_is_no_eclipse_at_midsummer():
 def test_only_what_stays_over_the_ground_is_looked_for_in_the_shadow(rate_deg_s, is_geo):
     moving = track(SHADOW, rate_deg_s=rate_deg_s)
     assert is_geostationary_like(moving) is is_geo
-    assert (eclipse_of(moving, DAYTONA, SHADOW) is not None) is is_geo
+    assert (eclipse_cause(moving, DAYTONA, SHADOW) is not None) is is_geo
 
 
 @pytest.mark.parametrize("ahead_h", [1, 6, 20])
@@ -204,8 +204,8 @@ def test_the_next_eclipse_begins_when_the_penumbra_does(ahead_h):
     assert begins_ns is not None
     two_minutes = 2 * MINUTE_NS
     assert begins_ns == pytest.approx(SHADOW - 71.5 / 2 * MINUTE_NS, abs=two_minutes)
-    assert eclipse_of(track(begins_ns), DAYTONA, begins_ns - 30 * NS) is None
-    assert eclipse_of(track(begins_ns), DAYTONA, begins_ns + 30 * NS) is not None
+    assert eclipse_cause(track(begins_ns), DAYTONA, begins_ns - 30 * NS) is None
+    assert eclipse_cause(track(begins_ns), DAYTONA, begins_ns + 30 * NS) is not None
 
 
 def test_in_an_eclipse_the_next_one_is_now():
@@ -283,16 +283,16 @@ def test_the_misses_of_a_night_are_named_and_a_second_run_says_the_same():
     assert night() == first
 
 
-def of_part(count: int, flux_adu_s: float = 1000.0, share: float = 0.5) -> Stars:
+def of_part(count: int, flux_adu_s: float = 1000.0, share: float = 0.5) -> StarStatistics:
     pixels = round(4656 * 3520 * share**2)
-    return Stars(count=count, flux_adu_s=flux_adu_s, sensor_px=pixels)
+    return StarStatistics(count=count, flux_adu_s=flux_adu_s, sensor_px=pixels)
 
 
-def cloud_words(shown: Stars, *before: Stars) -> str:
+def cloud_words(shown: StarStatistics, *before: StarStatistics) -> str:
     known = StarHistory()
     for each in before:
         known = updated_star_history(known, each, solution())
-    found = cloud_before(shown, known)
+    found = cloud_cause(shown, known)
     return "" if found is None else found.kind
 
 

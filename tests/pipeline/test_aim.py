@@ -10,19 +10,19 @@ from rsoconsole.pipeline import (
     SearchBase,
     flip_refusal,
     needs_recentre,
+    pier_side_after_slew,
     search_base,
     search_direction,
-    side_at_arrival,
 )
 from rsoconsole.pipeline.aim.aim import target_direction
 from rsoconsole.records import Site
 from rsoconsole.sky import (
-    belt_declination_deg,
+    geo_belt_declination_deg,
+    geo_slot_direction_deg,
     hour_angle_icrs_deg,
     icrs_of_hour_angle,
     iso_to_utc_ns,
     separation_deg,
-    slot_direction,
 )
 from rsoconsole.words import text
 
@@ -40,10 +40,10 @@ def test_the_belt_lies_where_a_geostationary_satellite_stands(longitude_deg):
     hour_angle_deg = -81.05 - math.degrees(math.atan2(y, x))
     declination_deg = math.degrees(math.atan2(z, math.hypot(x, y)))
     one_arcsecond = 1.0 / 3600.0
-    assert belt_declination_deg(DAYTONA, hour_angle_deg) == pytest.approx(
+    assert geo_belt_declination_deg(DAYTONA, hour_angle_deg) == pytest.approx(
         declination_deg, abs=one_arcsecond
     )
-    assert slot_direction(DAYTONA, longitude_deg) == pytest.approx(
+    assert geo_slot_direction_deg(DAYTONA, longitude_deg) == pytest.approx(
         (hour_angle_deg, declination_deg), abs=one_arcsecond
     )
 
@@ -107,15 +107,17 @@ def test_the_telescope_moves_when_it_must(recentre, off_deg, moves):
 def test_a_slot_that_the_earth_hides_points_below_the_horizon():
     from rsoconsole.sky import altaz_of_hour_angle
 
-    altitude_deg, _ = altaz_of_hour_angle(DAYTONA, *slot_direction(DAYTONA, 100.0))
+    altitude_deg, _ = altaz_of_hour_angle(DAYTONA, *geo_slot_direction_deg(DAYTONA, 100.0))
     assert altitude_deg < -10.0
 
 
 def test_intelsat_14_stands_where_its_slot_is():
     """Published for slot 45 W and this site: azimuth 124, altitude 38, hour angle -2.7 h."""
-    hour_angle_deg, _ = slot_direction(DAYTONA, -45.0)
+    hour_angle_deg, _ = geo_slot_direction_deg(DAYTONA, -45.0)
     assert hour_angle_deg / 15.0 == pytest.approx(-2.7, abs=0.05)
-    assert slot_direction(DAYTONA, 315.0) == pytest.approx(slot_direction(DAYTONA, -45.0))
+    assert geo_slot_direction_deg(DAYTONA, 315.0) == pytest.approx(
+        geo_slot_direction_deg(DAYTONA, -45.0)
+    )
 
 
 @pytest.mark.parametrize(
@@ -130,11 +132,11 @@ def test_intelsat_14_stands_where_its_slot_is():
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_a_target_is_where_it_says(target, expected):
-    slot_hour_angle_deg, slot_dec_deg = slot_direction(DAYTONA, -45.0)
+    slot_hour_angle_deg, slot_dec_deg = geo_slot_direction_deg(DAYTONA, -45.0)
     places = {
         "slot": (slot_hour_angle_deg, slot_dec_deg),
         "slot, own declination": (slot_hour_angle_deg, 3.0),
-        "belt": (-30.0, belt_declination_deg(DAYTONA, -30.0)),
+        "belt": (-30.0, geo_belt_declination_deg(DAYTONA, -30.0)),
         "of date": (-30.0, 12.0),
     }
     found = target_direction(TargetConfig(name="it", **target), DAYTONA, T_UTC_NS)
@@ -186,7 +188,7 @@ def test_the_side_changes_past_the_meridian_and_its_hysteresis(
 ):
     direction = icrs_of_hour_angle(DAYTONA, hour_angle_deg, -5.0, T_UTC_NS)
     mount = MountConfig(type=mount_type, flip_hysteresis_deg=0.5)
-    assert side_at_arrival(DAYTONA, mount, direction, T_UTC_NS, present) == after
+    assert pier_side_after_slew(DAYTONA, mount, direction, T_UTC_NS, present) == after
     holds = mount.model_copy(update={"meridian": "hold"})
     refused = flip_refusal(DAYTONA, holds, direction, T_UTC_NS, present)
     assert (refused is not None) is (after != present)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.pipeline import replay
-from rsoconsole.pipeline.replays.record_equality import are_alike, is_alike
+from rsoconsole.pipeline.replays.record_equality import are_nearly_equal, is_nearly_equal
 from rsoconsole.records import Cause, Miss, Missed, StateChange, TrackState
 from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
@@ -39,19 +39,19 @@ def rounded(track: TrackState, relative: float, seed: int = 1) -> TrackState:
 
 
 def test_the_last_digits_make_no_other_track(track: TrackState) -> None:
-    assert is_alike(track, track)
+    assert is_nearly_equal(track, track)
     for seed in range(20):
-        assert is_alike(track, rounded(track, 1e-10, seed))
+        assert is_nearly_equal(track, rounded(track, 1e-10, seed))
 
 
 def test_what_a_person_could_see_makes_one(track: TrackState) -> None:
-    assert not is_alike(track, rounded(track, 1e-3))
-    assert not is_alike(track, replace(track, frame_id=track.frame_id + 1))
-    assert not is_alike(track, replace(track, nis=None))
+    assert not is_nearly_equal(track, rounded(track, 1e-3))
+    assert not is_nearly_equal(track, replace(track, frame_id=track.frame_id + 1))
+    assert not is_nearly_equal(track, replace(track, nis=None))
     x = (track.x[0] + 1e-8, *track.x[1:])
-    assert not is_alike(track, replace(track, x=x))
+    assert not is_nearly_equal(track, replace(track, x=x))
     covariance = (track.P[0], track.P[1], track.P[2], (*track.P[3][:3], track.P[3][3] * 1.001))
-    assert not is_alike(track, replace(track, P=covariance))
+    assert not is_nearly_equal(track, replace(track, P=covariance))
 
 
 def test_records_that_say_something_else_are_not_alike() -> None:
@@ -60,10 +60,10 @@ def test_records_that_say_something_else_are_not_alike() -> None:
     change = StateChange(
         frame_id=3, before="TRACK", after="COAST", reason=Cause(kind="missed", missed=missed)
     )
-    assert are_alike((miss, change), (miss, change))
-    assert not are_alike((miss, change), (change, miss))
-    assert not are_alike((miss,), (miss, change))
-    assert not is_alike(miss, replace(miss, reason=Missed(kind="no detection")))
+    assert are_nearly_equal((miss, change), (miss, change))
+    assert not are_nearly_equal((miss, change), (change, miss))
+    assert not are_nearly_equal((miss,), (miss, change))
+    assert not is_nearly_equal(miss, replace(miss, reason=Missed(kind="no detection")))
 
 
 def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:

@@ -12,11 +12,11 @@ from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.engine.leaps import awaiting
 from rsoconsole.orbits import KnownOrbit
-from rsoconsole.orbits.motion.forces import Zonal
+from rsoconsole.orbits.motion.forces import ZonalPropagator
 from rsoconsole.pipeline import (
     AwaitedPass,
     awaited_pass,
-    expected_at,
+    expected_position,
     measured_pass_offset,
     next_awaited_pass,
 )
@@ -87,7 +87,7 @@ def test_early_or_late_it_comes_through_the_middle_of_the_field(late_s) -> None:
         stare = awaited.stare
         at = stare.t_through_utc_ns + round(late_s * NS_PER_S)
         assert stare.from_utc_ns <= at <= stare.until_utc_ns
-        place = expected_at(awaited, SITE, at, late_s)
+        place = expected_position(awaited, SITE, at, late_s)
         off_deg = separation_deg(*place.direction_deg, *stare.direction_deg(SITE, at))
         assert off_deg < 10.0 / 60.0
     assert told >= 10
@@ -183,11 +183,11 @@ def test_elements_that_are_20_s_wrong_are_found_and_it_is_followed(late_s, monke
         r_km=true.r_km,
         v_km_s=true.v_km_s,
         covariance=true.covariance,
-        forces=Zonal(epoch_utc_ns=epoch_ns - round(late_s * NS_PER_S)),
+        forces=ZonalPropagator(epoch_utc_ns=epoch_ns - round(late_s * NS_PER_S)),
     )
     config = config_with(leap={"pass_norad": 1, "late_sigma_s": 10.0})
     r = leap_rig(true, config)
-    monkeypatch.setattr(awaiting, "entry_of", lambda _config: None)
+    monkeypatch.setattr(awaiting, "load_awaited_elements", lambda _config: None)
 
     def next_pass(_entry, site, now_utc_ns, *, held, lifted, **_):
         return awaited_pass(

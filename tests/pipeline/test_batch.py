@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from rsoconsole.base import BatchError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.pipeline import NightOutcome, WorkerPool, choose_pool, nights_in, run_tasks
+from rsoconsole.pipeline import NightOutcome, WorkerPool, choose_pool, nights_of_folders, run_tasks
 from rsoconsole.pipeline.batch import batch_nights
 from rsoconsole.pipeline.batch.batch_nights import lock_batch_folder, process_nights
 from rsoconsole.records import Event
@@ -77,7 +77,7 @@ def serial_root(nights, tmp_path_factory) -> Path:
 def made(
     folders: list[Path], root: Path, pool: WorkerPool = SERIAL, **more: Any
 ) -> list[NightOutcome]:
-    tasks = nights_in(folders, root, Config(), **more)
+    tasks = nights_of_folders(folders, root, Config(), **more)
     return list(process_nights(tasks, lambda _: pool))
 
 
@@ -100,7 +100,7 @@ def told(session: Path) -> list[tuple[int, int, str, Any]]:
 def same_sessions(one: Path, other: Path) -> bool:
     for name in NAMES:
         assert told(one / name) == told(other / name)
-        about = [SessionReader(root / name).about() for root in (one, other)]
+        about = [SessionReader(root / name).read_meta() for root in (one, other)]
         for facts in about:
             # Who wrote it; and its digest, which is over the times too.
             assert facts.pop("writer")["pid"]
@@ -115,12 +115,12 @@ def same_sessions(one: Path, other: Path) -> bool:
 def test_each_folder_becomes_a_session_in_the_order_of_its_frames(nights, serial_root):
     for name in NAMES:
         reader = SessionReader(serial_root / name)
-        assert reader.about()["is_closed"] is True
-        assert reader.about()["title"] == name
-        rows = reader.view("frames")
+        assert reader.read_meta()["is_closed"] is True
+        assert reader.read_meta()["title"] == name
+        rows = reader.view_rows("frames")
         assert [row["name"] for row in rows] == [f"frame_{k}.fits" for k in (9, 10, 11)]
         assert [row["frame_id"] for row in rows] == [1, 2, 3]
-        assert len(reader.view("detections")) == 3, "or the comparison says little"
+        assert len(reader.view_rows("detections")) == 3, "or the comparison says little"
 
 
 def test_processes_make_what_one_after_another_makes(nights, serial_root, tmp_path):
@@ -241,7 +241,7 @@ def test_nothing_that_a_batch_did_not_make_is_written_over(nights, serial_root, 
 def test_two_nights_of_one_name_and_two_batches_in_one_folder_are_refused(nights, tmp_path):
     other = write_night(tmp_path / "elsewhere" / NAMES[0], 1)
     with pytest.raises(BatchError, match="two nights"):
-        nights_in([nights[0], other], tmp_path, Config())
+        nights_of_folders([nights[0], other], tmp_path, Config())
     with (
         lock_batch_folder(tmp_path / "out"),
         pytest.raises(BatchError, match="another batch"),
@@ -266,7 +266,7 @@ def test_nights_that_are_done_are_skipped_until_something_differs(nights, tmp_pa
         patch.setattr(batch_nights, "open_reducer", None)
         (skipped,) = made([mine], root)
         assert (skipped.state, skipped.frames, skipped.detections) == ("skipped", 3, 3)
-    tasks = nights_in([mine], root, Config.model_validate({"detector": {"tau": 0.3}}))
+    tasks = nights_of_folders([mine], root, Config.model_validate({"detector": {"tau": 0.3}}))
     (outcome,) = process_nights(tasks, lambda _: SERIAL)
     assert outcome.state == "failed"
     assert "--again" in str(outcome.error)
@@ -281,7 +281,7 @@ def test_nights_that_are_done_are_skipped_until_something_differs(nights, tmp_pa
 def test_the_kept_frames_of_a_session_are_a_night_too(tmp_path):
     """The shipped sample has kept its frames 9 and 11: they stay the ninth and the eleventh."""
     sample = SAMPLE
-    (night,) = nights_in([sample], tmp_path, Config())
+    (night,) = nights_of_folders([sample], tmp_path, Config())
     assert [(number, path.name) for number, path in night.frames] == [
         (9, "000009.fits.fz"),
         (11, "000011.fits.fz"),

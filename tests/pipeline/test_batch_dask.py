@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline import WorkerPool, nights_in
+from rsoconsole.pipeline import WorkerPool, nights_of_folders
 from rsoconsole.pipeline.batch.batch_nights import process_night, process_nights
 from rsoconsole.session import SessionReader
 from tests.pipeline.test_batch import write_night
@@ -152,12 +152,12 @@ def test_what_a_worker_made_before_it_died_is_no_error_of_the_next(
     one_night: list[Path], tmp_path: Path
 ) -> None:
     """The scheduler gives its task to another one, which finds the session there."""
-    (task,) = nights_in(one_night, tmp_path, Config())
+    (task,) = nights_of_folders(one_night, tmp_path, Config())
     first = process_night(task)
     second = process_night(task)
     assert (first.state, second.state, second.error) == ("done", "done", None)
     assert (second.frames, second.detections) == (first.frames, first.detections)
-    assert SessionReader(task.session).about()["is_closed"] is True
+    assert SessionReader(task.session).read_meta()["is_closed"] is True
 
 
 def test_one_that_was_given_up_and_its_successor_are_in_each_others_way_nowhere(
@@ -167,10 +167,10 @@ def test_one_that_was_given_up_and_its_successor_are_in_each_others_way_nowhere(
     left = tmp_path / f".{one_night[0].name}.0a1b2c3d.part"
     left.mkdir()
     (left / "session.db").write_bytes(b"half")
-    (task,) = nights_in(one_night, tmp_path, Config())
+    (task,) = nights_of_folders(one_night, tmp_path, Config())
     process_night(task)
     assert left.exists()
-    again = nights_in(one_night, tmp_path, Config(), is_again=True)
+    again = nights_of_folders(one_night, tmp_path, Config(), is_again=True)
     (outcome,) = process_nights(again, lambda _: WorkerPool(kind="serial", workers=1))
     assert outcome.state == "done"
     assert not left.exists()

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, config_faults, load_config
 from rsoconsole.engine.doctor.checks import check_calibration
-from rsoconsole.pipeline import Reprocessor, read_recorded_frame, recorded_frame
+from rsoconsole.pipeline import Reprocessor, read_frame_records, read_recorded_frame
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.records import Event, Frame
 from rsoconsole.session import SessionReader
@@ -362,7 +362,7 @@ def test_a_kept_frame_is_processed_again_with_the_masters(
 ):
     """A dark that holds the frame's own light leaves nothing to be found."""
     folder = Path(shutil.copytree(SAMPLE, tmp_path / "night"))
-    recorded = recorded_frame(SessionReader(folder), 9)
+    recorded = read_frame_records(SessionReader(folder), 9)
     frame = read_recorded_frame(recorded)
     dark = master(tmp_path / "dark.fits", frame.pixels, EXPTIME=frame.exposure_s)
     plain, calibrated = (
@@ -376,7 +376,9 @@ def test_a_kept_frame_is_processed_again_with_the_masters(
     assert there.confidence > 0.5
     found = calibrated.run()
     assert found.now.detections.detections == ()
-    assert not np.array_equal(plain.maps("fast")[0].values, calibrated.maps("fast")[0].values)
+    assert not np.array_equal(
+        plain.network_maps("fast")[0].values, calibrated.network_maps("fast")[0].values
+    )
     assert "calibration" not in caplog.text
     dark.unlink()
     gone = Reprocessor(replace(recorded, config=calibrated._recorded.config), frame)

@@ -21,7 +21,7 @@ from rsoconsole.config import (
     config_to_toml,
     effective_settings,
     load_config,
-    shown,
+    without_secrets,
     write_initial_config,
     write_settings,
 )
@@ -160,7 +160,7 @@ def test_a_clock_that_was_in_the_future_blocks_no_source_for_years(night: Night)
     night.now_utc_ns += 10_000 * HOUR_NS
     night.one(send(GOOD))
     night.now_utc_ns -= 10_000 * HOUR_NS
-    kept = night.store.kept()["celestrak:geo"]
+    kept = night.store.statuses()["celestrak:geo"]
     assert kept.due_utc_ns(night.now_utc_ns) == night.now_utc_ns + 2 * HOUR_NS
 
 
@@ -221,7 +221,7 @@ def test_a_refusal_is_never_asked_again_nor_is_its_host_until_it_is_added_again(
     (later,) = night.update("celestrak:geo")
     assert len(night.server.asked) == 1
     assert "catalogue add" in later.words
-    night.store.note(parse_source("celestrak:geo"), refused_utc_ns=None)
+    night.store.update_status(parse_source("celestrak:geo"), refused_utc_ns=None)
     assert night.one(send(GOOD)).is_fetched
 
 
@@ -315,7 +315,7 @@ def test_without_a_network_nothing_counts_as_asked(night: Night) -> None:
     (updated,) = night.update("celestrak:geo")
     assert updated.is_fault
     assert "network" in updated.words
-    assert night.store.kept()["celestrak:geo"].asked_utc_ns is None
+    assert night.store.statuses()["celestrak:geo"].asked_utc_ns is None
 
 
 def test_amateurs_archives_and_lines_are_read(night: Night) -> None:
@@ -387,7 +387,7 @@ def test_the_first_source_has_precedence_until_a_later_one_is_three_days_newer(
         GP: sent(22, 1.002),
     }
     order = [parse_source("supgp:intelsat"), parse_source("celestrak:geo")]
-    night.store.arrange(order)
+    night.store.set_sources(order)
     night.update("supgp:intelsat", "celestrak:geo")
     (entry,) = read_catalogue([night.store.folder])
     assert entry.revolutions_a_day == pytest.approx(1.001)
@@ -402,7 +402,7 @@ def test_a_damaged_index_loses_no_elements_and_is_written_again(night: Night) ->
     night.one(send(GOOD))
     (night.store.folder / "sources.json").write_text('{"sources": [{"source": 3}]}')
     assert len(read_catalogue([night.store.folder])) == 2
-    night.store.arrange([parse_source("celestrak:geo")])
+    night.store.set_sources([parse_source("celestrak:geo")])
     night.now_utc_ns += 3 * HOUR_NS
     assert night.one(send(GOOD)).is_fetched
 
@@ -419,11 +419,11 @@ def test_after_a_damaged_or_lost_index_an_update_keeps_every_file(
     else:
         index.write_text(index.read_text()[:100])
     files = {path: path.read_bytes() for path in night.store.folder.glob("*.txt")}
-    night.store.arrange([parse_source(each) for each in ("supgp:intelsat", "celestrak:geo")])
+    night.store.set_sources([parse_source(each) for each in ("supgp:intelsat", "celestrak:geo")])
     assert {path: path.read_bytes() for path in night.store.folder.glob("*.txt")} == files
     assert set(night.store.files()) == set(files)
     assert len(files) == 2
-    for kept in night.store.kept().values():
+    for kept in night.store.statuses().values():
         assert kept.objects == 2
         assert kept.asked_utc_ns is not None
 
@@ -490,7 +490,7 @@ def test_a_source_that_is_none_says_how_one_is_written(text: str, words: str) ->
     ],
 )
 def test_what_an_address_carries_is_not_shown(text: str, words: str) -> None:
-    assert shown(text) == words
+    assert without_secrets(text) == words
     with contextlib.suppress(ValueError):
         parse_source(text)
         return

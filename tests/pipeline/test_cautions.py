@@ -18,7 +18,7 @@ from rsoconsole.pipeline import Cycle, FrameReducer, Reduction
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.records import Detections, Event, Frame, Solution
 from rsoconsole.session import SessionReader
-from rsoconsole.vision import range_cautions
+from rsoconsole.vision import camera_cautions
 
 PIXELS = np.random.default_rng(3).integers(0, 255, (480, 640), dtype=np.uint8)
 
@@ -56,8 +56,8 @@ def test_what_leaves_the_calibrated_range_is_named(changes, about):
 
 
 def test_beyond_what_can_be_used_the_words_are_plainer():
-    usable = range_cautions(0.3, None, 640, 480)["scale"]
-    beyond = range_cautions(0.25, None, 640, 480)["scale"]
+    usable = camera_cautions(0.3, None, 640, 480)["scale"]
+    beyond = camera_cautions(0.25, None, 640, 480)["scale"]
     assert "calibrated" in usable
     assert "do not rely on detections" in beyond
     assert "do not rely" not in usable
@@ -85,7 +85,7 @@ def test_a_night_is_told_once():
     events = [
         record
         for number in (1, 2, 3)
-        for record in cycle.look(frame(frame_id=number))[1]
+        for record in cycle.reduce_only(frame(frame_id=number))[1]
         if isinstance(record, Event)
     ]
     assert [(event.level, event.text, event.frame_id) for event in events] == [
@@ -125,7 +125,7 @@ class Heard(ReplyWriter):
     def __init__(self) -> None:
         self.said: list[dict[str, Any]] = []
 
-    def say(self, message: Any) -> None:
+    def send(self, message: Any) -> None:
         self.said.append(dict(message))
 
 
@@ -141,5 +141,5 @@ def test_a_camera_of_8_bits_gives_frames_over_indi_with_a_note():
     assert told["event"] == "frame", told
     assert told["saturation_adu"] == 255.0
     assert any("8 bits" in note for note in told["header"]["NOTES"])
-    taken = ring.take(0, told["dtype"], tuple(told["shape"]))
+    taken = ring.lend_slot(0, told["dtype"], tuple(told["shape"]))
     assert np.array_equal(taken, PIXELS)

@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import Orbits
-from rsoconsole.pipeline.orbits.expected import EVERY, UnfollowedMembers
+from rsoconsole.pipeline.orbits.expected import EVERY, UntrackedObjects
 from rsoconsole.records import (
     Event,
     ExpectedMembers,
@@ -89,10 +89,10 @@ def named(k: int, verdict: str = "identified") -> Identified:
 
 
 def looked(records, config: Config = CONFIG) -> tuple[Record, ...]:
-    expected = UnfollowedMembers(config, geostationary)
+    expected = UntrackedObjects(config, geostationary)
     for record in records:
         expected.receive(record)
-    return expected.refine()
+    return expected.derive_frame_records()
 
 
 def unseen_names(told) -> set[str]:
@@ -159,12 +159,12 @@ def test_in_the_shadow_of_the_earth_nobody_is_said_to_be_missing():
 
 
 def test_a_missing_member_is_said_once_after_some_looks():
-    expected = UnfollowedMembers(CONFIG, geostationary)
+    expected = UntrackedObjects(CONFIG, geostationary)
     words, looks = [], 0
     for n in range(1, 8 * EVERY):
         for record in (named(0), *frame(n, (0,))):
             expected.receive(record)
-        told = expected.refine()
+        told = expected.derive_frame_records()
         looks += any(isinstance(each, ExpectedMembers) for each in told)
         words += [each.text for each in told if isinstance(each, Event)]
     assert looks == 8  # the first frame, then every fourth one
@@ -175,10 +175,10 @@ def test_a_missing_member_is_said_once_after_some_looks():
 
 def test_a_frame_without_a_plate_or_a_catalogue_expects_nobody():
     assert looked([each for each in frame(5, ()) if not isinstance(each, Solution)]) == ()
-    nobody = UnfollowedMembers(CONFIG, tuple)
+    nobody = UntrackedObjects(CONFIG, tuple)
     for record in frame(5, ()):
         nobody.receive(record)
-    assert nobody.refine() == ()
+    assert nobody.derive_frame_records() == ()
 
 
 def test_a_catalogue_that_cannot_be_read_is_said_once_and_stops_nothing(tmp_path):
@@ -189,19 +189,19 @@ def test_a_catalogue_that_cannot_be_read_is_said_once_and_stops_nothing(tmp_path
     for n in (1, 2, 3):
         for record in frame(n, (0, 1)):
             orbits.receive(record)
-        told += orbits.refine()
+        told += orbits.derive_frame_records()
     words = [each.text for each in told if isinstance(each, Event) and "expected" in each.text]
     assert len(words) == 1
 
 
 def test_a_look_at_the_catalogue_costs_the_loop_little():
     """1,665 sets: on a quiet machine 5 ms, every fourth frame."""
-    expected = UnfollowedMembers(CONFIG, geostationary)
+    expected = UntrackedObjects(CONFIG, geostationary)
     spent = []
     for n in range(1, 4 * EVERY):
         for record in frame(n, (0,)):
             expected.receive(record)
         began = time.process_time()
-        expected.refine()
+        expected.derive_frame_records()
         spent.append(time.process_time() - began)
     assert np.mean(spent[1:]) < 0.015

@@ -12,7 +12,7 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver, SolveHint, list_index_files, read_frame
 from rsoconsole.instruments.solver.index_files import SYSTEM_DIR
-from rsoconsole.pipeline.frame.hints import hint_of, hint_with_overrides, wrong_hints
+from rsoconsole.pipeline.frame.hints import header_hint, hint_with_overrides, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.sky import pixel_to_sky, separation_deg, wcs_from_cards
@@ -45,7 +45,7 @@ def solved(solver: PlateSolver, frame: Frame, hint: SolveHint) -> Solution | Not
 
 def test_a_field_of_two_degrees_solves_with_a_scale_half_as_large_and_names_it(solver):
     frame = read_frame(REAL / "pocs_unsolved.fits", 1)
-    hint = hint_with_overrides(hint_of(frame, CONFIG), None, None, None, (5.0, 5.4))
+    hint = hint_with_overrides(header_hint(frame, CONFIG), None, None, None, (5.0, 5.4))
     found = solved(solver, frame, hint)
     assert isinstance(found, Solution), found
     # Centre of their plate two minutes later; the mount drifted meanwhile.
@@ -58,7 +58,7 @@ def test_a_field_of_two_degrees_solves_with_a_scale_half_as_large_and_names_it(s
 
 def test_a_wrong_position_of_a_wide_field_is_named(solver):
     frame = read_frame(REAL / "tetra3_alt40_azi45.tiff", 1)
-    hint = hint_with_overrides(hint_of(frame, CONFIG), 10.0, -20.0, 3.0, (36.0, 44.0))
+    hint = hint_with_overrides(header_hint(frame, CONFIG), 10.0, -20.0, 3.0, (36.0, 44.0))
     found = solved(solver, frame, hint)
     assert isinstance(found, Solution), found
     two_arcmin = 2.0 / 60.0
@@ -69,8 +69,8 @@ def test_a_wrong_position_of_a_wide_field_is_named(solver):
 @pytest.mark.parametrize("path", [NAVSTAR[0], ASTEROID[0]] if NAVSTAR else [])
 def test_a_field_of_28_arcmin_is_told_which_index_files_it_wants(solver, path):
     frame = read_frame(path, 1)
-    hint = hint_with_overrides(hint_of(frame, CONFIG), None, None, None, MODRA_ARCSEC_PX)
-    missing = solver.missing_index(hint, frame.width_px, frame.height_px)
+    hint = hint_with_overrides(header_hint(frame, CONFIG), None, None, None, MODRA_ARCSEC_PX)
+    missing = solver.missing_numbers_for_field(hint, frame.width_px, frame.height_px)
     assert {5, 6} <= set(missing) <= {5, 6, 7}
     found = solved(solver, frame, hint)
     if isinstance(found, NotSolved):
@@ -95,7 +95,9 @@ def test_with_the_index_file_that_was_named_the_field_solves_where_the_observato
     with PlateSolver(dirs_with_07()) as finer:
         for path in NAVSTAR:
             frame = read_frame(path, 1)
-            hint = hint_with_overrides(hint_of(frame, CONFIG), None, None, None, MODRA_ARCSEC_PX)
+            hint = hint_with_overrides(
+                header_hint(frame, CONFIG), None, None, None, MODRA_ARCSEC_PX
+            )
             found = solved(finer, frame, hint)
             assert isinstance(found, Solution), (path.name, found)
             theirs = pixel_to_sky(wcs_from_cards(frame.header), 511.5, 511.5)

@@ -9,8 +9,8 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.instruments import read_frame
-from rsoconsole.pipeline.field.field_frame import FieldPlate
-from rsoconsole.pipeline.field.field_points import Points, movers_of, points_of
+from rsoconsole.pipeline.field.field_frame import FieldPlateFinder
+from rsoconsole.pipeline.field.field_points import FramePoints, find_movers, frame_points
 from rsoconsole.records import Solution
 from rsoconsole.sky import (
     direction_to_unit,
@@ -28,11 +28,11 @@ T0 = 1_700_000_000 * NS_PER_S
 CENTRE = (120.0, 20.0)
 
 
-def frame(k: int, places: np.ndarray, cadence_s: float = 5.0) -> Points:
+def frame(k: int, places: np.ndarray, cadence_s: float = 5.0) -> FramePoints:
     """Points at offsets (n, 2) in arcsec east and north."""
     ra = CENTRE[0] + places[:, 0] / 3600.0 / math.cos(math.radians(CENTRE[1]))
     count = len(places)
-    return Points(
+    return FramePoints(
         u=direction_to_unit(ra, CENTRE[1] + places[:, 1] / 3600.0),
         t_utc_ns=np.full(count, T0 + round(k * cadence_s * NS_PER_S)),
         x_px=places[:, 0],
@@ -48,7 +48,7 @@ def frame(k: int, places: np.ndarray, cadence_s: float = 5.0) -> Points:
 
 def field(
     frames: int, movers: list[tuple[float, float, float, float]], seed: int, seen: float = 1.0
-) -> list[Points]:
+) -> list[FramePoints]:
     """Sixty stars, some of which flicker; movers by place and rate; two strangers a frame."""
     rng = np.random.default_rng(seed)
     stars = rng.uniform(-800.0, 800.0, (60, 2))
@@ -65,7 +65,7 @@ def field(
 
 
 def test_what_moves_is_found_with_its_rate_and_angle_and_stars_are_not():
-    (mover,) = movers_of(field(7, [(-400.0, -300.0, 20.0, 10.0)], 1))
+    (mover,) = find_movers(field(7, [(-400.0, -300.0, 20.0, 10.0)], 1))
     assert len(mover.points) == 7
     assert mover.rate_arcsec_s == pytest.approx(math.hypot(20.0, 10.0), abs=0.05)
     assert mover.position_angle_deg == pytest.approx(math.degrees(math.atan2(20.0, 10.0)), abs=0.2)
@@ -73,7 +73,7 @@ def test_what_moves_is_found_with_its_rate_and_angle_and_stars_are_not():
 
 
 def test_two_that_cross_are_two_and_a_point_belongs_to_one():
-    movers = movers_of(field(7, [(-400.0, 0.0, 25.0, 0.0), (0.0, -380.0, 0.0, 24.0)], 2))
+    movers = find_movers(field(7, [(-400.0, 0.0, 25.0, 0.0), (0.0, -380.0, 0.0, 24.0)], 2))
     assert len(movers) == 2
     points = [point for each in movers for point in each.points]
     assert len(points) == len(set(points))
@@ -85,22 +85,22 @@ def test_one_that_two_frames_miss_is_found_in_the_others():
         found[k] = replace(
             found[k], u=found[k].u[1:], t_utc_ns=found[k].t_utc_ns[1:], snr=found[k].snr[1:]
         )
-    (mover,) = movers_of(found)
+    (mover,) = find_movers(found)
     assert [n for n, _ in mover.points] == [0, 1, 3, 5, 6]
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_chance_makes_none(seed):
-    assert movers_of(field(5, [], 20 + seed)) == ()
+    assert find_movers(field(5, [], 20 + seed)) == ()
 
 
 def test_two_frames_have_no_movers():
-    assert movers_of(field(2, [(-400.0, -300.0, 20.0, 10.0)], 1)) == ()
-    assert movers_of([]) == ()
+    assert find_movers(field(2, [(-400.0, -300.0, 20.0, 10.0)], 1)) == ()
+    assert find_movers([]) == ()
 
 
 def test_a_long_series_is_linked_in_windows():
-    movers = movers_of(field(12, [(-700.0, -500.0, 18.0, 9.0)], 4))
+    movers = find_movers(field(12, [(-700.0, -500.0, 18.0, 9.0)], 4))
     assert sum(len(each.points) for each in movers) >= 11
 
 
@@ -117,12 +117,12 @@ def test_navstar_48_is_found_as_what_moves_and_is_no_star():
     for number, path in enumerate(sorted(Path(MODRA).glob("00040A_R_4-00?.fit")), start=1):
         taken = read_frame(path, number)
         stars = find_stars(taken.pixels, max_stars=1500, saturation_adu=taken.saturation_adu)
-        plate = FieldPlate(None, "", "header").solve(taken, stars)
+        plate = FieldPlateFinder(None, "", "header").solve(taken, stars)
         assert isinstance(plate, Solution)
         assert taken.t_mid_utc_ns is not None
-        frames.append(points_of(stars, plate, taken.t_mid_utc_ns, taken, (), Config()))
+        frames.append(frame_points(stars, plate, taken.t_mid_utc_ns, taken, (), Config()))
     assert len(frames) == len(published) == 7
-    (mover,) = movers_of(frames)
+    (mover,) = find_movers(frames)
     assert len(mover.points) >= 6
     two_arcsec = 2.0 / 3600.0
     for place, n in mover.points:

@@ -10,7 +10,11 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline import FrameReducer, Reduction
 from rsoconsole.pipeline.comparison import fixed_light
 from rsoconsole.pipeline.comparison._look_back import SolvedField
-from rsoconsole.pipeline.comparison.fixed_light import FixedLight, KnownStars, RecordedComparison
+from rsoconsole.pipeline.comparison.fixed_light import (
+    FrameComparison,
+    KnownStars,
+    RecordedComparison,
+)
 from rsoconsole.records import BelowTau, Detections, Frame, NotAStreak, Solution, Wcs
 from rsoconsole.session import decode, encode
 from rsoconsole.sky import StarCatalogue, Stars
@@ -157,7 +161,7 @@ def test_a_pulse_is_told_in_time_once_its_streak_is_no_chain_any_more():
     chain = replace(chain, class_probability=most_likely_class(shares)[1])
     found = Detections(frame_id=2, width_px=600, height_px=600, detections=(chain,))
     words = {chain: fixed_light.StreakComparison(comparison="new light")}
-    (told,) = fixed_light.with_comparisons(found, words, {chain: shares}, frame).detections
+    (told,) = fixed_light.apply_comparisons(found, words, {chain: shares}, frame).detections
     assert told.object_class == "satellite"
     assert told.modulation_period_s == pytest.approx(10.0 * 11.0 / chain.length_px)
 
@@ -171,7 +175,7 @@ def test_a_look_that_breaks_costs_no_frame(monkeypatch, caplog):
     def broken(*_: object, **__: object) -> None:
         raise ValueError("broken")
 
-    monkeypatch.setattr(fixed_light, "comparisons_of", broken)
+    monkeypatch.setattr(fixed_light, "compare_streaks", broken)
     found, _ = night(6, is_chain=True)
     assert len(found.measurements) == 1
     assert "not compared" in caplog.text
@@ -211,7 +215,9 @@ def catalogue_of(sky: DrawnSky, faintest_mag: float = 12.5) -> StarCatalogue:
     """All of its stars down to a magnitude; 40,000 ADU are one of 9.5 mag."""
     magnitude = 9.5 - 2.5 * np.log10(sky.flux_adu / BRIGHT_ADU)
     kept = magnitude < faintest_mag
-    return catalogue_of_stars(Stars.at_rest(sky.ra_deg[kept], sky.dec_deg[kept], magnitude[kept]))
+    return catalogue_of_stars(
+        Stars.without_proper_motion(sky.ra_deg[kept], sky.dec_deg[kept], magnitude[kept])
+    )
 
 
 def known_of(sky: DrawnSky, *lights: np.ndarray, **kwargs) -> tuple[KnownStars | None, Frame]:
@@ -272,7 +278,7 @@ def test_without_the_catalogues_stars_in_the_frame_nothing_is_said():
     field = SolvedField(
         frame=frame, stars=find_stars(frame.pixels), solution=solved(frame, PLATES[2])
     )
-    elsewhere = Stars.at_rest(np.array([10.0]), np.array([4.0]), np.array([9.0]))
+    elsewhere = Stars.without_proper_motion(np.array([10.0]), np.array([4.0]), np.array([9.0]))
     assert KnownStars.of(field, catalogue_of_stars(elsewhere)) is None
 
 
@@ -296,7 +302,7 @@ def test_a_comparison_moves_the_classes(said, more, less):
 
 
 def test_memory_is_one_frame():
-    made, sky = FixedLight(), sky_with(5, is_chain=False)
+    made, sky = FrameComparison(), sky_with(5, is_chain=False)
     path = FrameReducer(Boxed(CLOSE), SURE, Solved(PLATES), Config(), comparison=made)
     for number, wcs in PLATES.items():
         frame = sky.frame(number, wcs)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.orbits import orbit_from_record, predict
-from rsoconsole.pipeline.orbits.track_measurements import PartErrors
+from rsoconsole.pipeline.orbits.track_measurements import PartialStreakErrors
 from rsoconsole.records import FrameTaken, Measurement, TrackState
-from rsoconsole.sky import Places
+from rsoconsole.sky import SkyPlaces
 from rsoconsole.tracking import expected_motion
 from tests.pipeline.test_orbit_online import GEO, Watched, config, every_frame, flight
 from tests.tracking.test_streak_length import flashing
@@ -29,7 +29,7 @@ class Flashing(Watched):
         super().__post_init__()
         self.lost = list(flashing(PERIOD_S, LIT_SHARE, self.phase_s, 60))
 
-    def measure(self, places: Places, n: int) -> Measurement:
+    def measure(self, places: SkyPlaces, n: int) -> Measurement:
         whole = super().measure(places, n)
         self.receive(
             FrameTaken(
@@ -78,7 +78,9 @@ def test_its_orbit_states_what_the_parts_leave_open():
 def test_as_errors_of_their_own_the_orbit_would_be_sure_and_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(PartErrors, "with_shared_errors", lambda _self, fresh, *_: tuple(fresh))
+    monkeypatch.setattr(
+        PartialStreakErrors, "with_widened_covariances", lambda _self, fresh, *_: tuple(fresh)
+    )
     assert np.sqrt(np.mean(np.square(shortfalls()))) > 5.0
 
 
@@ -97,4 +99,6 @@ def test_streaks_of_another_rate_an_hour_ago_are_no_parts():
     taken = [each for each in watched.log if isinstance(each, Measurement)]
     frames = [each for each in watched.log if isinstance(each, FrameTaken)]
     exposures = {each.frame_id: each.exposure_s for each in frames}
-    assert PartErrors().with_shared_errors(taken, taken, fastest, exposures) == tuple(taken)
+    assert PartialStreakErrors().with_widened_covariances(
+        taken, taken, fastest, exposures
+    ) == tuple(taken)

@@ -7,7 +7,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import group_direction
-from rsoconsole.pipeline.aim.group_aim import Member, best_centre
+from rsoconsole.pipeline.aim.group_aim import GroupMember, best_centre
 from rsoconsole.sky import separation_deg
 from rsoconsole.tracking import Following, follow
 from tests.makers import geo_measurement
@@ -17,11 +17,11 @@ RADIUS_DEG = 0.3
 FIELD_DEG = (0.8, 0.6)
 
 
-def member(x: float, y: float, *, weight: float = 1.0, reach_deg: float = 0.02) -> Member:
-    return Member(x=x, y=y, reach_deg=reach_deg, weight=weight)
+def member(x: float, y: float, *, weight: float = 1.0, reach_deg: float = 0.02) -> GroupMember:
+    return GroupMember(x=x, y=y, reach_deg=reach_deg, weight=weight)
 
 
-def held(centre: np.ndarray, members: list[Member]) -> list[Member]:
+def held(centre: np.ndarray, members: list[GroupMember]) -> list[GroupMember]:
     return [
         m
         for m in members

@@ -11,11 +11,11 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.control import MarkByHand
 from rsoconsole.engine.aim.states import ClockSet, LimitMet, NightEnded
 from rsoconsole.engine.operator._hand_marks import detected_measurement, with_mark_figures
-from rsoconsole.night import as_recorded
+from rsoconsole.night import recorded_figures
 from rsoconsole.pipeline import HELD, refined_mark, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT, TAKEN_BACK
 from rsoconsole.pipeline.cycle.track_assignment import KEPT_S, TrackAssignment
-from rsoconsole.pipeline.replays.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import (
     CommandResult,
     Detection,
@@ -89,7 +89,7 @@ def assert_replayed_alike(r: Rig) -> None:
     frames = list(replay(log, CONFIG))
     assert all(frame.is_as_recorded for frame in frames)
     assert frames[-1].after == r.engine.following
-    assert as_recorded(log) == figures_of(frames)
+    assert recorded_figures(log) == track_figures(frames)
     told = rewrite_log([(n, record) for n, record in enumerate(log)], CONFIG)
     assert [record for _, record in told.log] == log
 
@@ -103,7 +103,7 @@ def test_two_marks_while_the_operator_has_the_mount_start_a_track_that_resume_fo
     assert r.engine.authority.state == "MANUAL"
     kept = r.engine.authority.kept
     assert kept is not None
-    assert kept.taken.source == "operator"
+    assert kept.lead_measured.source == "operator"
     assert results(r) == [
         "frame 3: used: ±2.5″ RA ±2.5″ Dec; the first of a track: mark it in a later frame, too",
         "frame 4: used: ±2.5″ RA ±2.5″ Dec; a track begins with it, to be resumed",
@@ -129,7 +129,7 @@ def test_a_third_mark_measures_the_track_that_two_began():
     for frame_id in (3, 4, 5):
         assert mark(r, frame_id).ok
     assert results(r)[-1] == "frame 5: used: ±2.5″ RA ±2.5″ Dec"
-    assert r.engine.authority.kept.taken.frame_id == 5
+    assert r.engine.authority.kept.lead_measured.frame_id == 5
     assert r.engine.authority.kept.track_id == 1
 
 
@@ -153,7 +153,7 @@ def test_a_mark_is_taken_back_and_what_it_led_to_with_it():
     assert r.engine.authority.kept is None
     assert results(r)[-1] == "frame 4: as if nothing had been said of it"
     assert mark(r, 5).ok
-    assert r.engine.authority.kept.taken.frame_id == 5
+    assert r.engine.authority.kept.lead_measured.frame_id == 5
     assert say(r, "take_back", frame=3).ok
     assert r.engine.authority.kept is None
     assert mark(r, 3).ok
@@ -275,7 +275,7 @@ def test_a_rough_mark_asks_before_it_replaces_a_better_measurement():
     r.camera.__class__ = WideCamera
     r.engine.arm()
     r.engine.run(frames=6)
-    taken = r.engine.following.taken
+    taken = r.engine.following.lead_measured
     ends = {"x_a": 1.0, "y_a": 0.0, "x_b": 120.0, "y_b": 0.0, "frame": 6, "sigma_px": 90.0}
     asked = say(r, "mark", **ends)
     assert not asked.ok
@@ -283,12 +283,12 @@ def test_a_rough_mark_asks_before_it_replaces_a_better_measurement():
     assert asked.data["sigma_arcsec"] == pytest.approx(113.0, rel=0.05)
     assert asked.data["better_arcsec"] == pytest.approx(1.0, rel=0.1)
     assert "yours is good to ±113″" in asked.message
-    assert r.engine.following.taken == taken
+    assert r.engine.following.lead_measured == taken
     assert say(r, "mark", replaces=True, **ends).ok
-    assert r.engine.following.taken.source == "operator"
+    assert r.engine.following.lead_measured.source == "operator"
     # And back: the detector's own measurement counts again.
     assert say(r, "take_back").ok
-    assert r.engine.following.taken == taken
+    assert r.engine.following.lead_measured == taken
 
 
 # -- on the light beneath it -------------------------------------------------------------------

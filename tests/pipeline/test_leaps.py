@@ -8,21 +8,21 @@ import pytest
 
 from rsoconsole.config import Config, LimitsConfig, MountConfig
 from rsoconsole.orbits import PredictedPosition
-from rsoconsole.orbits.motion.ahead import path_of
+from rsoconsole.orbits.motion.ahead import sky_path_through
 from rsoconsole.pipeline import (
     Leap,
-    LeapTerms,
+    LeapParameters,
     MeasuredSlew,
     MountMotion,
     NoLeap,
     PassPlan,
     Telescope,
-    exposure_for,
+    leap_exposure_s,
+    leap_parameters,
     learned_motion,
     next_leap,
     open_shutter_share,
     plan_pass,
-    terms_of,
 )
 from rsoconsole.pipeline.leaps import leaps as mount_motion
 from rsoconsole.pipeline.leaps.awaited_passes import StarePoint
@@ -44,7 +44,7 @@ from tests.truth.limits_by_astropy import EDGE_DEG, margins
 from tests.truth.limits_requests import OBSERVATORIES
 from tests.truth.low_passes import SITE, are_there, low_passes
 
-TERMS = LeapTerms(
+TERMS = LeapParameters(
     field_deg=(1.63, 1.24), scale_arcsec_px=1.26, settle_s=2.0, latency_s=0.3, readout_s=1.0
 )
 FAST_MOUNT = MountMotion(
@@ -81,7 +81,7 @@ def expect_sound(observatory, count, seed):
         opens_s = terms.latency_s + leap.exposure_s / 2.0
         assert leap.t_mid_utc_ns - leap.t_expose_utc_ns == pytest.approx(opens_s * NS_PER_S, abs=2)
         assert SHORTEST_S <= leap.exposure_s <= LONGEST_S
-        assert leap.length_arcsec <= 2 * 3600 * terms.half_short_deg
+        assert leap.length_arcsec <= 2 * 3600 * terms.field_radius_deg
         there = each.path.at(leap.t_mid_utc_ns)
         assert separation_deg(*there.direction_deg, *leap.place.direction_deg) < 1e-9
 
@@ -124,13 +124,13 @@ def straight(speed_deg_s, sigma_arcsec=20.0, *, ra=180.0, dec=10.0, t0=0, second
                 covariance_arcsec2=np.eye(2) * sigma_arcsec**2,
             )
         )
-    return path_of(places)
+    return sky_path_through(places)
 
 
 @pytest.mark.parametrize("speed_deg_s", [0.05, 0.2, 0.5, 0.9])
 def test_a_streak_is_as_long_as_is_measured_well(speed_deg_s) -> None:
     place = straight(speed_deg_s).at(NS_PER_S)
-    exposure_s = exposure_for(place, TERMS)
+    exposure_s = leap_exposure_s(place, TERMS)
     length_px = 3600 * speed_deg_s * exposure_s / TERMS.scale_arcsec_px
     assert length_px == pytest.approx(
         min(LENGTH_PX, 3600 * speed_deg_s * LONGEST_S / 1.26), rel=1e-3
@@ -140,7 +140,7 @@ def test_a_streak_is_as_long_as_is_measured_well(speed_deg_s) -> None:
 
 def test_an_unsure_place_gets_a_short_exposure_and_one_too_unsure_none() -> None:
     sure, unsure = (straight(0.9, sigma).at(NS_PER_S) for sigma in (20.0, 690.0))
-    assert exposure_for(unsure, TERMS) < exposure_for(sure, TERMS)
+    assert leap_exposure_s(unsure, TERMS) < leap_exposure_s(sure, TERMS)
     limits = Limits(SITE, Config().limits, Config().mount)
     t0 = low_noon()
     path = straight(0.5, 3 * 3600.0, t0=t0, ra=culminating(t0))
@@ -194,8 +194,8 @@ def test_both_ends_in_the_field_are_as_probable_as_is_said() -> None:
     exposure_s, random = 0.4, np.random.default_rng(0)
     off = random.normal(0.0, 0.25, (10_000, 2))
     half = 0.6 * exposure_s / 2.0
-    is_in = (np.abs(off[:, 0]) + half < TERMS.half_short_deg) & (
-        np.abs(off[:, 1]) < TERMS.half_short_deg
+    is_in = (np.abs(off[:, 0]) + half < TERMS.field_radius_deg) & (
+        np.abs(off[:, 1]) < TERMS.field_radius_deg
     )
     assert both_ends_probability(place, exposure_s, TERMS) == pytest.approx(
         np.mean(is_in), abs=0.01
@@ -278,7 +278,7 @@ def plan_of(one, mount=None, limits=None, **terms) -> PassPlan:
     rates = np.stack(
         [seen.ra_rate_deg_s * np.cos(np.radians(seen.dec_icrs_deg)), seen.dec_rate_deg_s]
     )
-    path = path_of(
+    path = sky_path_through(
         [
             PredictedPosition(
                 t_utc_ns=int(t[n]),
@@ -295,7 +295,7 @@ def plan_of(one, mount=None, limits=None, **terms) -> PassPlan:
     start = Pose(t_utc_ns=int(t[0]), ra_icrs_deg=ra, dec_icrs_deg=dec, pier_side=side)
     telescope = Telescope(
         motion=replace(FAST_MOUNT, fixed_s=0.0, scatter_s=0.0),
-        terms=replace(terms_of(config), latency_s=0.0, **terms),
+        terms=replace(leap_parameters(config), latency_s=0.0, **terms),
         limits=limits,
         lifted=("twilight", "Sun"),
     )
@@ -316,7 +316,7 @@ def test_a_pass_is_as_many_leaps_as_the_mount_allows() -> None:
     assert up_s / len(quick.leaps) < 6.0
     assert up_s / len(slow.leaps) < 8.0
     assert len(quick.leaps) > 1.2 * len(slow.leaps)
-    assert quick.flips == 0
+    assert quick.flip_count == 0
 
 
 @pytest.mark.shared_data
@@ -325,7 +325,7 @@ def test_a_german_mount_loses_the_time_of_its_flip_and_no_more() -> None:
     for one in low_passes(12):
         german = plan_of(one)
         assert len(german.leaps) > 5
-        if german.flips:
+        if german.flip_count:
             assert 25.0 < german.longest_gap_s < 70.0
         else:
             assert german.longest_gap_s < 25.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.comparison._look_back import EarlierFrame, SolvedField, StreakComparison
+from rsoconsole.pipeline.comparison._look_back import FramePair, SolvedField, StreakComparison
 from rsoconsole.records import Frame, Wcs
 from rsoconsole.vision import find_stars
 from tests.drawn.drawn_lines import line_of_light
@@ -52,7 +52,7 @@ def snr_of(flux_adu: float) -> float:
 def word(
     before: tuple[Frame, Wcs], now: tuple[Frame, Wcs], flux_adu: float
 ) -> StreakComparison | None:
-    back = EarlierFrame.of(field_of(*now), field_of(*before))
+    back = FramePair.of(field_of(*now), field_of(*before))
     assert back is not None
     return back.compare(streak_at(ENDS, now[0], snr_of(flux_adu)))
 
@@ -100,7 +100,7 @@ def test_a_frame_that_is_not_deep_enough_excludes_nothing():
     then, now = plate((21.0, -9.0)), plate()
     cloudy = sky.frame(1, then, transparency=0.05)
     bright = sky.frame(2, now, flashes(ENDS, 6, 700.0))
-    back = EarlierFrame.of(field_of(bright, now), field_of(cloudy, then))
+    back = FramePair.of(field_of(bright, now), field_of(cloudy, then))
     # Either no star is found in both, or the light would not have shown.
     assert back is None or back.compare(streak_at(ENDS, bright, snr_of(6.0 * 700.0))) is None
 
@@ -150,7 +150,7 @@ def trailing(seed: int, gap: float, *, leaves_heir: bool) -> StreakComparison | 
     here = tuple(streak_at(ends, frames[1]) for ends in (first_now, second_now))
     before = replace(field_of(frames[0], then), streaks=streaks)
     after = replace(field_of(frames[1], now), streaks=here if leaves_heir else here[1:])
-    back = EarlierFrame.of(after, before)
+    back = FramePair.of(after, before)
     assert back is not None
     return back.compare(here[1])
 
@@ -175,7 +175,7 @@ def test_stars_in_a_row_stay_stars_beside_a_satellite_of_the_same_length():
     before = replace(field_of(frames[0], then), streaks=(streak_at(then_ends, frames[0]),))
     chain = streak_at(ENDS, frames[1], snr_of(5.4 * 8000.0))
     after = replace(field_of(frames[1], now), streaks=(chain, streak_at(beside, frames[1])))
-    back = EarlierFrame.of(after, before)
+    back = FramePair.of(after, before)
     assert back is not None
     assert comparison(back.compare(chain)) == "same light"
 
@@ -214,19 +214,19 @@ def test_frames_that_cannot_be_compared_are_not():
     sky = sky_with(2)
     then, now = plate((21.0, -9.0)), plate()
     before, here = field_of(sky.frame(1, then), then), field_of(sky.frame(2, now), now)
-    assert EarlierFrame.of(here, before) is not None
+    assert FramePair.of(here, before) is not None
 
     def changed(**changes: object) -> SolvedField:
         return replace(before, frame=replace(before.frame, **changes))
 
     late_ns = here.frame.t_start_utc_ns
-    assert EarlierFrame.of(here, changed(t_start_utc_ns=late_ns)) is None
-    assert EarlierFrame.of(here, changed(t_start_utc_ns=late_ns - 700 * 10**9)) is None
-    assert EarlierFrame.of(here, changed(t_start_utc_ns=None)) is None
-    assert EarlierFrame.of(here, changed(exposure_s=31.0)) is None
-    assert EarlierFrame.of(here, changed(pixels=before.frame.pixels[:500])) is None
+    assert FramePair.of(here, changed(t_start_utc_ns=late_ns)) is None
+    assert FramePair.of(here, changed(t_start_utc_ns=late_ns - 700 * 10**9)) is None
+    assert FramePair.of(here, changed(t_start_utc_ns=None)) is None
+    assert FramePair.of(here, changed(exposure_s=31.0)) is None
+    assert FramePair.of(here, changed(pixels=before.frame.pixels[:500])) is None
     wrong = replace(before, solution=solved(before.frame, plate((24.0, -9.0))))
-    assert EarlierFrame.of(here, wrong) is None
+    assert FramePair.of(here, wrong) is None
 
 
 def test_a_line_that_the_earlier_frame_did_not_hold_is_not_judged():

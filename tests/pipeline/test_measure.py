@@ -9,7 +9,7 @@ from rsoconsole.config import ExposureConfig
 from rsoconsole.pipeline import measure
 from rsoconsole.pipeline.frame.measurement import AIR_ARCSEC_ROOT_S
 from rsoconsole.records import Frame, Solution
-from rsoconsole.sky import describe, pixel_to_sky, tan_wcs
+from rsoconsole.sky import describe_field, pixel_to_sky, tan_wcs
 from tests.makers import T0_UTC_NS, straight_detection
 
 SCALE_ARCSEC_PX = 1.264
@@ -25,7 +25,7 @@ def solution(rotation_deg: float = 0.0, rms_arcsec: float = 0.0) -> Solution:
         width_px=640,
         height_px=480,
     )
-    field = describe(wcs, 640, 480)
+    field = describe_field(wcs, 640, 480)
     return Solution(
         frame_id=1,
         wcs=wcs,

@@ -27,18 +27,18 @@ def test_the_last_orbit_and_name_are_known() -> None:
     assert view.orbit == estimate_of(6)
     assert view.orbit_utc_ns == night.t_of(6)
     assert view.identified == identified_of(5)
-    assert not view.is_orbit_past
+    assert not view.is_orbit_of_past_lead
 
 
 def test_after_a_loss_they_stay_as_of_the_past_until_another_track_has_an_orbit() -> None:
     found = folded(*FOLLOWED, identified_of(5), to(7, "COAST", "LOST"))
-    assert found.view().is_orbit_past
+    assert found.view().is_orbit_of_past_lead
     assert found.view().orbit == estimate_of(5)
     folded(state(11, "initial", 2), to(11, "ACQUIRE", "TRACK"), before=found)
-    assert found.view().is_orbit_past
+    assert found.view().is_orbit_of_past_lead
     assert found.view().identified == identified_of(5)
     folded(state(12, track_id=2), estimate_of(12, track_id=2), before=found)
-    assert not found.view().is_orbit_past
+    assert not found.view().is_orbit_of_past_lead
     assert found.view().orbit == estimate_of(12, track_id=2)
     assert found.view().identified is None
 
@@ -52,8 +52,8 @@ def test_a_name_of_another_track_is_none_of_the_orbit_before() -> None:
 
 def test_what_the_operator_took_the_mount_from_is_followed_again_with_its_orbit() -> None:
     found = folded(*FOLLOWED, to(6, "TRACK", "MANUAL"))
-    assert found.view().is_orbit_past
-    assert not folded(to(7, "MANUAL", "COAST"), before=found).view().is_orbit_past
+    assert found.view().is_orbit_of_past_lead
+    assert not folded(to(7, "MANUAL", "COAST"), before=found).view().is_orbit_of_past_lead
 
 
 def test_after_a_word_on_a_frame_the_last_orbit_stands_until_the_next_one() -> None:
@@ -70,10 +70,10 @@ def test_after_a_word_on_a_frame_the_last_orbit_stands_until_the_next_one() -> N
 
 def test_a_night_that_goes_back_has_the_orbit_of_then() -> None:
     found = folded(*FOLLOWED, identified_of(5))
-    kept = found.keep()
+    kept = found.checkpoint()
     before = found.view()
     folded(state(6), estimate_of(6), replace(identified_of(6), hint=HINT), before=found)
-    found.go_back(kept)
+    found.restore(kept)
     assert found.view() == before
 
 

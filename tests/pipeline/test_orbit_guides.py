@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import Reduction, direction_at, replay
-from rsoconsole.pipeline.tuning._propose_likelihood import arcs_of, innovations
+from rsoconsole.pipeline.tuning._propose_likelihood import innovations, replayed_tracks
 from rsoconsole.records import (
     Event,
     Frame,
@@ -159,7 +159,7 @@ def test_a_proposal_knows_where_the_filter_was_begun_again():
     frames = list(replay(it.memory.records, it.engine.config))
     by_orbit = [r for each in frames for r in each.records if is_by_orbit(r)]
     assert by_orbit
-    found = innovations(arcs_of(frames), {})
+    found = innovations(replayed_tracks(frames), {})
     assert found is not None
     recorded = [
         r.nis
@@ -177,7 +177,7 @@ def test_a_stranger_seen_while_a_lost_one_is_waited_for_is_waited_for_where_it_w
     here = it.mount.at_deg
     report = it.mount.report()
     now_ns = it.clock.t_utc_ns
-    lost = engine.guide.lost_direction(now_ns)
+    lost = engine.guide.lost_track_direction(now_ns)
     assert lost is not None
     stranger = measured_place(lost[0] + 0.3, lost[1] + 0.2, now_ns)
     assert not engine.guide.may_be_lost_object(stranger)

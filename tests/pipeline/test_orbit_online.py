@@ -15,14 +15,14 @@ from rsoconsole.engine.aim.guide import Guide, PredictedPath
 from rsoconsole.orbits import (
     KnownOrbit,
     PerturbedPropagator,
-    elements_of,
     orbit_from_record,
+    osculating_elements,
     predict,
 )
-from rsoconsole.pipeline import FrameObservations, OnlineOrbit, Orbits, StarHistory, fold
+from rsoconsole.pipeline import FrameObservations, OnlineOrbit, Orbits, StarHistory, fold_frame
 from rsoconsole.pipeline.cycle.predictor_scores import PredictorScores, Score
-from rsoconsole.pipeline.orbits._naming import Naming
-from rsoconsole.pipeline.orbits.orbit_online import Refined
+from rsoconsole.pipeline.orbits._naming import TrackIdentifier
+from rsoconsole.pipeline.orbits.orbit_online import RefinedOrbit
 from rsoconsole.records import (
     Detections,
     Event,
@@ -34,7 +34,7 @@ from rsoconsole.records import (
     OrbitEstimate,
     TrackState,
 )
-from rsoconsole.sky import Places, iso_to_utc_ns, separation_deg
+from rsoconsole.sky import SkyPlaces, iso_to_utc_ns, separation_deg
 from rsoconsole.tracking import REFUSED, Following
 from tests.truth.orbit_cases import state_of
 from tests.truth.orbit_truth import DAYTONA, Flight
@@ -88,7 +88,7 @@ class Watched:
     bad_frames: tuple[int, ...] = ()
     following: Following = field(default_factory=Following)
     log: list[Any] = field(default_factory=list)
-    refined: list[Refined] = field(default_factory=list)
+    refined: list[RefinedOrbit] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.orbit = OnlineOrbit(self.config)
@@ -96,7 +96,7 @@ class Watched:
         self.stars = StarHistory()
         self.frame_id = 0
 
-    def see(self, places: Places, hidden: Iterable[int] = ()) -> None:
+    def see(self, places: SkyPlaces, hidden: Iterable[int] = ()) -> None:
         """One frame at each of the places; nothing is seen in the hidden ones."""
         hidden = set(hidden)
         for n, t_utc_ns in enumerate(places.t_utc_ns):
@@ -120,7 +120,7 @@ class Watched:
                 measurements=measured,
                 orbits={self.last.track_id: self.last} if self.refined else {},
             )
-            folded = fold(self.following, self.stars, shown, self.config)
+            folded = fold_frame(self.following, self.stars, shown, self.config)
             self.following, self.stars = folded.following, folded.stars
             for record in (*measured, *folded.records):
                 self.receive(record)
@@ -130,7 +130,7 @@ class Watched:
         self.log.append(record)
         self.orbit.receive(record)
 
-    def measure(self, places: Places, n: int) -> Measurement:
+    def measure(self, places: SkyPlaces, n: int) -> Measurement:
         measured = measured_at(places, n, self.frame_id, self.random, self.sigma_arcsec)
         if self.frame_id in self.bad_frames:
             return dataclasses.replace(measured, cov_sky_arcsec2=(1.0, 1.0, 1.0))
@@ -158,7 +158,11 @@ class Watched:
 
 
 def measured_at(
-    places: Places, n: int, frame_id: int, random: np.random.Generator, sigma_arcsec: float
+    places: SkyPlaces,
+    n: int,
+    frame_id: int,
+    random: np.random.Generator,
+    sigma_arcsec: float,
 ) -> Measurement:
     """A streak of ten seconds at the n-th place, with noise."""
     east, north = random.normal(0.0, sigma_arcsec / 3600.0, 2)
@@ -180,7 +184,7 @@ def measured_at(
     )
 
 
-def every_frame(one: Flight, frames: int, since_s: float = 0.0) -> Places:
+def every_frame(one: Flight, frames: int, since_s: float = 0.0) -> SkyPlaces:
     return one.places(since_s + np.arange(frames) * float(CADENCE_S))[0]
 
 
@@ -200,7 +204,7 @@ def test_a_geostationary_satellite_has_an_orbit_from_its_third_direction_on_that
         float(day.dec_icrs_deg[0]),
     )
     assert off * 3600.0 < 3.0 * float(ahead.sigma_arcsec[0])
-    truth = elements_of(true.start[0][:3], true.start[0][3:])
+    truth = osculating_elements(true.start[0][:3], true.start[0][3:])
     assert abs(watched.last.a_km - truth.a_km) < 3.0 * watched.last.sigma_a_km + 3.0
     # What it predicted is judged as the filter's predictions are.
     nis = [each.estimate.nis for each in watched.refined[5:]]
@@ -230,7 +234,7 @@ def test_where_the_filter_fails_the_orbit_takes_over_and_knows_where_it_is(eleme
     # The filter alone would have stood still at the fourth measurement; nothing was lost.
     assert watched.last.observations == 40
     assert any(isinstance(r, TrackState) and r.foretold_by == "orbit" for r in watched.log)
-    assert watched.orbit.is_guide
+    assert watched.orbit.is_lead_orbit_preferred
     said = [each for each in watched.words if each.startswith("aims by the orbit from now on: ")]
     by_orbit = [
         each
@@ -280,20 +284,20 @@ def test_between_the_places_of_a_way_one_may_interpolate(elements):
         assert east == pytest.approx(exact.places.ra_rate_deg_s[n] * cos_dec * 3600.0, rel=0.01)
         assert north == pytest.approx(exact.places.dec_rate_deg_s[n] * 3600.0, rel=0.01, abs=1.0)
         assert sigma_deg * 3600.0 == pytest.approx(exact.sigma_arcsec[n], rel=0.1)
-    assert way.holds(int(t.max()))
-    assert not way.holds(T0_UTC_NS + 3600 * 10**9)
+    assert way.contains(int(t.max()))
+    assert not way.contains(T0_UTC_NS + 3600 * 10**9)
 
 
 def test_with_the_papers_preset_and_where_it_is_forbidden_the_filter_guides():
     for settings in ({"filter": {"preset": "paper"}}, {"orbit": {"guide": "never"}}):
         watched = Watched(config(**settings))
         watched.see(every_frame(flight(*MEO), 30))
-        assert not watched.orbit.is_guide
+        assert not watched.orbit.is_lead_orbit_preferred
         assert not any(each.estimate.is_guide for each in watched.refined)
         guide, soon = Guide(watched.orbit, watched.config), int(watched.last.epoch_utc_ns + 900e9)
         assert guide.track_direction(soon) is None
-        assert guide.lost_direction(soon) is None
-        assert guide.last_direction(soon) is None
+        assert guide.lost_track_direction(soon) is None
+        assert guide.last_track_direction(soon) is None
 
 
 def test_what_was_lost_is_waited_for_by_its_orbit_and_known_again_when_it_comes():
@@ -308,13 +312,13 @@ def test_what_was_lost_is_waited_for_by_its_orbit_and_known_again_when_it_comes(
     # Of what was seen before the loss alone.
     alone = Watched(config())
     alone.see(every_frame(true, 40))
-    at = Guide(alone.orbit, alone.config).lost_direction(int(place.t_utc_ns[0]))
+    at = Guide(alone.orbit, alone.config).lost_track_direction(int(place.t_utc_ns[0]))
     assert at is not None
     truth = (float(place.ra_icrs_deg[0]), float(place.dec_icrs_deg[0]))
     assert separation_deg(*at, *truth) * 3600.0 < 30.0
     wait_s = 60.0 * alone.config.orbit.wait_min + 1.0
     assert (
-        Guide(alone.orbit, alone.config).lost_direction(int(place.t_utc_ns[0] + wait_s * 1e9))
+        Guide(alone.orbit, alone.config).lost_track_direction(int(place.t_utc_ns[0] + wait_s * 1e9))
         is None
     )
 
@@ -389,12 +393,12 @@ def test_a_join_that_was_wrong_is_undone(monkeypatch):
 def test_the_order_behind_the_first_frame_of_another_track_is_the_filters():
     watched = Watched(config())
     watched.see(every_frame(flight(*MEO), 30))
-    assert watched.orbit.is_guide
+    assert watched.orbit.is_lead_orbit_preferred
     track = watched.following.track
     assert track is not None
     # The engine orders the next exposure before the orbit hears of the frame.
     watched.orbit.receive(dataclasses.replace(track, kind="initial", frame_id=31, nis=None))
-    assert not watched.orbit.is_guide
+    assert not watched.orbit.is_lead_orbit_preferred
     assert Guide(watched.orbit, watched.config).track_direction(T0_UTC_NS + 910 * 10**9) is None
 
 
@@ -443,7 +447,7 @@ def test_a_clock_that_was_set_ends_what_was_known():
     watched = Watched(config())
     watched.see(every_frame(flight(*GEO), 10))
     watched.orbit.forget()
-    assert watched.orbit.orbit is None
+    assert watched.orbit.lead_orbit is None
     assert watched.orbit.refine() == ()
 
 
@@ -458,16 +462,16 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
     rivals = PredictorScores()
     leads = []
     for _ in range(8):
-        rivals.compare(sharp, vague)
+        rivals.add_scores(sharp, vague)
         leads.append(rivals.is_orbit_ahead)
     assert leads == [False] * 4 + [True] * 4
     wrong = Score(nis=40.0, log_size=-80.0)
     for _ in range(8):
-        rivals.compare(wrong, vague)
+        rivals.add_scores(wrong, vague)
     assert not rivals.is_orbit_ahead, "an orbit that is sure and wrong is not believed"
     alike = PredictorScores()
     for _ in range(20):
-        alike.compare(sharp, Score(nis=2.2, log_size=0.0))
+        alike.add_scores(sharp, Score(nis=2.2, log_size=0.0))
         assert not alike.is_orbit_ahead
 
 
@@ -476,17 +480,17 @@ def test_who_foretells_better_is_no_matter_of_chance_or_of_big_words():
 )
 def test_what_promises_the_same_but_for_a_tenth_is_close(by_orbit_arcsec: float, is_close: bool):
     rivals = PredictorScores()
-    assert not rivals.is_close
+    assert not rivals.has_similar_sigmas
     for _ in range(6):
         by_filter = Score(nis=2.0, log_size=0.0)
-        rivals.compare(Score(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
-    assert rivals.is_close is is_close
+        rivals.add_scores(Score(nis=2.0, log_size=4.0 * math.log(by_orbit_arcsec)), by_filter)
+    assert rivals.has_similar_sigmas is is_close
     rivals.add_filter_failure(41.26, 11.83)
-    assert not rivals.is_close
+    assert not rivals.has_similar_sigmas
     assert rivals.words.endswith("the filter's prediction: NIS 41.3 by that, gate 11.8")
 
 
-def recorded(settings: Config, places: Places) -> list[Any]:
+def recorded(settings: Config, places: SkyPlaces) -> list[Any]:
     watched = Watched(settings)
     watched.see(places)
     return put_on_record(settings, watched.log)
@@ -499,7 +503,7 @@ def put_on_record(settings: Config, log: Iterable[Any]) -> list[Any]:
         told.append(record)
         orbits.receive(record)
         if isinstance(record, TrackState) and record.kind != "predicted":
-            told += orbits.refine()
+            told += orbits.derive_frame_records()
     return told
 
 
@@ -541,19 +545,19 @@ def test_an_orbit_that_breaks_is_told_once_and_the_night_goes_on(monkeypatch):
     places = every_frame(flight(*GEO), 12)
     watched = Watched(config())
     watched.see(places)
-    monkeypatch.setattr("rsoconsole.pipeline.orbits.orbit_online.determine", breaks)
+    monkeypatch.setattr("rsoconsole.pipeline.orbits.orbit_online.determine_orbit", breaks)
     records = put_on_record(config(), watched.log)
     said = [e.text for e in records if isinstance(e, Event)]
     assert said == ["its orbit could not be refined (boom): see the log"]
 
 
 def test_new_files_are_asked_at_once(tmp_path):
-    naming = Naming(config())
+    naming = TrackIdentifier(config())
     watched = Watched(config())
     watched.see(every_frame(flight(*GEO), 12))
-    seen = watched.orbit.seen
+    seen = watched.orbit.lead_directions
     assert seen is not None
-    assert naming.ask(1, {1: seen}, {1}) == ()
+    assert naming.identify_due_tracks(1, {1: seen}, {1}) == ()
     naming.configure(config(catalogue={"tle_files": [str(TLE)]}))
-    (found,) = naming.ask(1, {1: seen}, {1})
+    (found,) = naming.identify_due_tracks(1, {1: seen}, {1})
     assert found.verdict == "unknown"

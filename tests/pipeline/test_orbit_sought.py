@@ -9,7 +9,7 @@ import pytest
 from rsoconsole.orbits.determination import from_directions as determining
 from rsoconsole.pipeline import OnlineOrbit
 from rsoconsole.records import Measurement, TrackState
-from rsoconsole.sky import Places
+from rsoconsole.sky import SkyPlaces
 from rsoconsole.tracking.filters import lqe
 from tests.pipeline.test_orbit_online import GEO, config, every_frame, flight, measured_at
 
@@ -31,7 +31,7 @@ def attempts(monkeypatch) -> list[int]:
     return found
 
 
-def astray(frames: int) -> Places:
+def astray(frames: int) -> SkyPlaces:
     """A way that jumps by a fifth of a degree from frame to frame, as no orbit does."""
     places = every_frame(flight(*GEO), frames)
     random = np.random.default_rng(3)
@@ -42,7 +42,7 @@ def astray(frames: int) -> Places:
     )
 
 
-def taken_of(places: Places) -> list[tuple[Measurement, TrackState]]:
+def taken_of(places: SkyPlaces) -> list[tuple[Measurement, TrackState]]:
     """What is on record of each frame from the second on, of a track that takes everything."""
     random, settings = np.random.default_rng(4), config().filter
     measured = [measured_at(places, n, n + 1, random, 0.5) for n in range(len(places.t_utc_ns))]
@@ -61,7 +61,7 @@ def taken_of(places: Places) -> list[tuple[Measurement, TrackState]]:
     return [(measured[0], None), *told]
 
 
-def refined_of(places: Places) -> tuple[OnlineOrbit, list[int]]:
+def refined_of(places: SkyPlaces) -> tuple[OnlineOrbit, list[int]]:
     """And of how many directions each estimate on record is."""
     online, on_record = OnlineOrbit(config()), []
     for measured, state in taken_of(places):
@@ -87,5 +87,5 @@ def test_a_satellite_is_tried_from_every_start_once(attempts):
     online, on_record = refined_of(every_frame(flight(*GEO), 40))
     assert attempts == [3]
     assert on_record == list(range(3, 41))
-    assert online.orbit is not None
-    assert not online.orbit.is_astray
+    assert online.lead_orbit is not None
+    assert not online.lead_orbit.is_astray

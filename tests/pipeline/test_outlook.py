@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config, with_setting
-from rsoconsole.pipeline import outlook
+from rsoconsole.pipeline import sky_outlook
 from rsoconsole.records import Site, TrackState
 from rsoconsole.sky import (
+    geo_slot_direction_deg,
     icrs_of_hour_angle,
     icrs_to_altaz,
     iso_to_utc_ns,
     moon_icrs,
     moon_lit_fraction,
     separation_deg,
-    slot_direction,
 )
 from rsoconsole.words import NS_PER_S, utc_ns_to_iso
 
@@ -68,7 +68,7 @@ def test_a_star_is_told_when_it_meets_the_altitude_limit():
     config = Config()
     where = config.site.to_site()
     ra, dec = icrs_of_hour_angle(where, 60.0, 10.0, NIGHT)
-    seen = outlook(config, NIGHT, (ra, dec), track(ra, dec, 0.0, NIGHT))
+    seen = sky_outlook(config, NIGHT, (ra, dec), track(ra, dec, 0.0, NIGHT))
     assert seen.target_limit is not None
     at, refusal = seen.target_limit
     assert refusal.limit == "altitude"
@@ -80,8 +80,10 @@ def test_a_star_is_told_when_it_meets_the_altitude_limit():
 def test_a_geostationary_one_never_sets_but_is_eclipsed_in_march():
     config = Config()
     where = config.site.to_site()
-    ra, dec = icrs_of_hour_angle(where, *slot_direction(where, where.longitude_deg + 20.0), NIGHT)
-    seen = outlook(config, NIGHT, (ra, dec), track(ra, dec, SIDEREAL_DEG_S, NIGHT))
+    ra, dec = icrs_of_hour_angle(
+        where, *geo_slot_direction_deg(where, where.longitude_deg + 20.0), NIGHT
+    )
+    seen = sky_outlook(config, NIGHT, (ra, dec), track(ra, dec, SIDEREAL_DEG_S, NIGHT))
     assert seen.target_limit is None
     assert seen.eclipse_utc_ns is not None
     # About local midnight at its own longitude, 61 deg west: 04:05 UT; eclipses last 70 min.
@@ -93,14 +95,14 @@ def test_margins_are_told_nearest_first_and_are_those_of_the_limits():
     where = config.site.to_site()
     ra, dec = icrs_of_hour_angle(where, -30.0, 0.0, NIGHT)
     altitude, _ = icrs_to_altaz(where, ra, dec, NIGHT)
-    margins = outlook(config, NIGHT, (ra, dec)).margins_deg
+    margins = sky_outlook(config, NIGHT, (ra, dec)).margins_deg
     assert dict(margins)["altitude"] == pytest.approx(altitude - 20.0, abs=0.05)
     assert dict(margins)["hour angle"] == pytest.approx(90.0, abs=0.05)
     assert [value for _, value in margins] == sorted(value for _, value in margins)
 
 
 def test_without_a_track_nothing_is_said_of_one():
-    seen = outlook(Config(), NIGHT)
+    seen = sky_outlook(Config(), NIGHT)
     assert seen.target_limit is None
     assert seen.eclipse_utc_ns is None
     assert seen.margins_deg == ()

@@ -13,7 +13,12 @@ import pytest
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver, SolveHint
 from rsoconsole.instruments.solver import index_files
-from rsoconsole.pipeline.frame.hints import hint_of, hint_with_overrides, relaxed_hints, wrong_hints
+from rsoconsole.pipeline.frame.hints import (
+    header_hint,
+    hint_with_overrides,
+    relaxed_hints,
+    wrong_hints,
+)
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import CameraMode, FloatArray, Frame, NotSolved, Solution
 from rsoconsole.sky import separation_deg
@@ -63,7 +68,7 @@ def expect_right(found: Solution | NotSolved) -> Solution:
 
 
 def named(of: Frame, found: Solution) -> dict[str, str]:
-    wrong = wrong_hints(hint_of(of, CONFIG), found, of, CONFIG)
+    wrong = wrong_hints(header_hint(of, CONFIG), found, of, CONFIG)
     return {each.hint: each.words for each in wrong}
 
 
@@ -86,7 +91,7 @@ def test_a_scale_that_is_the_configurations_is_called_so(solver, stars):
     wrong = Config.model_validate({"optics": {"focal_length_mm": 310.0}})
     believed = frame(2.0 * SCALE)
     found = expect_right(PlateFinder(solver, wrong).solve(believed, stars))
-    (hint,) = wrong_hints(hint_of(believed, wrong), found, believed, wrong)
+    (hint,) = wrong_hints(header_hint(believed, wrong), found, believed, wrong)
     assert hint.words.startswith("the configured scale 2.528 arcsec/px is wrong")
     assert "optics.focal_length_mm" in hint.words
 
@@ -107,7 +112,7 @@ def test_both_hints_may_be_wrong(solver, stars):
 
 
 def test_what_an_operator_gave_is_called_given(solver, stars):
-    hint = hint_with_overrides(hint_of(frame(None), CONFIG), None, None, None, (5.0, 6.0))
+    hint = hint_with_overrides(header_hint(frame(None), CONFIG), None, None, None, (5.0, 6.0))
     found = expect_right(PlateFinder(solver, CONFIG).solve_in_full(frame(None), stars, hint))
     (wrong,) = wrong_hints(hint, found, frame(None), CONFIG)
     assert wrong.words == "the given scale of 5 to 6 arcsec/px is wrong: the stars say 1.264"
@@ -245,7 +250,7 @@ def test_too_few_stars_are_not_searched_for_elsewhere(stars):
 
 
 def test_a_hint_is_weakened_step_by_step_and_nothing_is_tried_twice():
-    whole = hint_of(frame(), CONFIG)
+    whole = header_hint(frame(), CONFIG)
     assert [
         (h.scale_low_arcsec_px is None, h.position_deg is None) for h in relaxed_hints(whole)
     ] == [
@@ -253,8 +258,8 @@ def test_a_hint_is_weakened_step_by_step_and_nothing_is_tried_twice():
         (False, True),
         (True, True),
     ]
-    assert len(relaxed_hints(hint_of(frame(scale=None), CONFIG))) == 1
-    assert len(relaxed_hints(hint_of(frame(ra_deg=None, dec_deg=None), CONFIG))) == 1
+    assert len(relaxed_hints(header_hint(frame(scale=None), CONFIG))) == 1
+    assert len(relaxed_hints(header_hint(frame(ra_deg=None, dec_deg=None), CONFIG))) == 1
     assert relaxed_hints(SolveHint()) == ()
 
 
@@ -290,7 +295,7 @@ def test_a_small_field_is_told_which_index_files_it_wants(solver, stars, side_px
     assert isinstance(found, NotSolved)
     assert says in found.reason
     assert "data.astrometry.net" in found.reason
-    assert solver.missing_index(hint, side_px, side_px) == missing
+    assert solver.missing_numbers_for_field(hint, side_px, side_px) == missing
 
 
 def test_without_a_scale_it_is_said_that_it_is_not_known(solver, stars):
@@ -301,7 +306,7 @@ def test_without_a_scale_it_is_said_that_it_is_not_known(solver, stars):
     )
     assert isinstance(found, NotSolved)
     assert "finer index files than 4108" in found.reason
-    assert solver.missing_index(SolveHint(), 400, 400) == ()
+    assert solver.missing_numbers_for_field(SolveHint(), 400, 400) == ()
 
 
 def part_of(whole: Frame, x0: int, y0: int, width: int, height: int, **camera: Any) -> Frame:

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from rsoconsole.base import ConfigError, SessionError
 from rsoconsole.pipeline import Proposal, propose, replay, save_branch, what_if_session
-from rsoconsole.pipeline.tuning._propose_likelihood import arcs_of, innovations
+from rsoconsole.pipeline.tuning._propose_likelihood import innovations, replayed_tracks
 from rsoconsole.pipeline.tuning._propose_search import LikelihoodSearch, Parameter
 from rsoconsole.records import Measurement, TrackState
 from rsoconsole.session import SessionReader
@@ -50,7 +50,7 @@ def sound_night(tmp_path_factory) -> Path:
 def arcs(folder: Path):
     reader = SessionReader(folder)
     records = [record for _, _, record in reader.records()]
-    return arcs_of(replay(records, reader.config())), records
+    return replayed_tracks(replay(records, reader.config())), records
 
 
 def test_the_filter_over_the_arcs_says_what_the_record_says(sound_night):
@@ -246,7 +246,7 @@ def test_the_verb_tells_the_proposal_and_keeps_it_as_a_branch(proposed):
     for expected in ("change: log L gains", "68 % interval", "autocorrelation", "r_multiplier ="):
         assert expected in words.stdout
     branch = folder / "branches" / "proposed"
-    assert SessionReader(branch).about()["tried"] == found.changes
+    assert SessionReader(branch).read_meta()["tried"] == found.changes
     answer = json.loads(verb(branch, "--propose", "--json").stdout)
     expect_documented("what-if --propose", answer)
     assert answer["verdict"] == "no change is called for"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.orbits._pairs import PAIRS_OF_MANY, Pairs
+from rsoconsole.pipeline.orbits._pairs import PAIRS_OF_MANY, TrackPairs
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -19,7 +19,7 @@ from rsoconsole.records import (
     TrackLost,
 )
 from rsoconsole.session import SessionReader, SessionWriter
-from rsoconsole.tracking.association.relative import closest
+from rsoconsole.tracking.association.relative import closest_approaches
 from tests.nights.pair_nights import (
     BEGIN_UTC_NS,
     NS,
@@ -36,15 +36,19 @@ NO_WARNING = Config.model_validate({"alert": {"separation_arcsec": 0.0}})
 needs_elements = pytest.mark.skipif(not TLES.exists(), reason="the element files are not installed")
 
 
-def pairs_after(records, config: Config = NO_WARNING) -> Pairs:
-    pairs = Pairs(config)
+def pairs_after(records, config: Config = NO_WARNING) -> TrackPairs:
+    pairs = TrackPairs(config)
     for record in records:
         pairs.receive(record)
     return pairs
 
 
 def motion_of(night: PairNight) -> PairMotion:
-    [told] = [each for each in pairs_after(night.records).refine() if isinstance(each, PairMotions)]
+    [told] = [
+        each
+        for each in pairs_after(night.records).derive_frame_records()
+        if isinstance(each, PairMotions)
+    ]
     [motion] = told.pairs
     return motion
 
@@ -65,7 +69,7 @@ def truth_of(night: PairNight, motion: PairMotion) -> tuple[np.ndarray, np.ndarr
     ra_deg, dec_deg = directions(night.entries, night.site, t[:1] + np.array([-30, 30]) * NS)
     beside = way_arcsec(ra_deg[0], dec_deg[0], ra_deg[1], dec_deg[1])
     rate = beside[1] - beside[0]
-    at_s, nearest = closest(since_s, ways[None])
+    at_s, nearest = closest_approaches(since_s, ways[None])
     return ways[0], rate, float(at_s[0]), float(nearest[0])
 
 
@@ -168,11 +172,11 @@ def frame_of(n: int, t: int, way_arcsec_: tuple[float, float], **more):
 
 
 def after_each(frames, config: Config) -> list[tuple[PairMotion | None, list[Event]]]:
-    pairs, found = Pairs(config), []
+    pairs, found = TrackPairs(config), []
     for records in frames:
         for record in records:
             pairs.receive(record)
-        told = pairs.refine()
+        told = pairs.derive_frame_records()
         motions = [m for each in told if isinstance(each, PairMotions) for m in each.pairs]
         found.append(
             (motions[0] if motions else None, [each for each in told if isinstance(each, Event)])
@@ -212,16 +216,16 @@ def test_an_approach_is_warned_of_once_and_ends_when_it_has_passed():
 def test_a_warning_ends_with_its_track():
     config = Config.model_validate({"alert": {"separation_arcsec": 30.0}})
     pairs = pairs_after([record for frame in crossing(38) for record in frame], config)
-    assert len([each for each in pairs.refine() if isinstance(each, Event)]) == 1
+    assert len([each for each in pairs.derive_frame_records() if isinstance(each, Event)]) == 1
     coasting = list(frame_of(39, BEGIN_UTC_NS + 39 * 60 * NS, (6.0, 12.0), is_seen=False))
     for record in (*coasting, Miss(frame_id=39, reason=Missed(kind="nothing fits"), track_id=2)):
         pairs.receive(record)
-    assert not [each for each in pairs.refine() if isinstance(each, Event)]
+    assert not [each for each in pairs.derive_frame_records() if isinstance(each, Event)]
     assert pairs.last[0].is_close
     lost = Missed(kind="nothing fits", lost=TrackLost(kind="left the frame"))
     for record in (*replaced(coasting, 40), Miss(frame_id=40, reason=lost, track_id=2)):
         pairs.receive(record)
-    [end] = pairs.refine()
+    [end] = pairs.derive_frame_records()
     assert isinstance(end, Event)
     assert end.text == "tracks 1 2: warning over, track 2 ended"
     assert pairs.last == ()
@@ -245,17 +249,17 @@ def test_a_frame_that_is_followed_again_counts_as_it_was_followed_last():
     ruled = pairs_after(
         [r for n, frame in enumerate(frames, 1) for r in (wrong if n == 8 else frame)]
     )
-    assert ruled.refine() != right.refine()
+    assert ruled.derive_frame_records() != right.derive_frame_records()
     for n in range(8, 13):
         ruled.receive(FollowedAgain(frame_id=n))
         for record in frames[n - 1][1:]:
             ruled.receive(record)
-    assert ruled.refine() == right.refine()
+    assert ruled.derive_frame_records() == right.derive_frame_records()
 
 
 def test_of_many_pairs_each_has_its_turn_and_the_near_ones_more_often():
     """Twelve tracks on a line, 180 arcsec apart: 66 pairs."""
-    pairs, told = Pairs(NO_WARNING), []
+    pairs, told = TrackPairs(NO_WARNING), []
     for n in range(1, 81):
         t = BEGIN_UTC_NS + n * 30 * NS
         pairs.receive(frame_taken(n, t))
@@ -263,7 +267,7 @@ def test_of_many_pairs_each_has_its_turn_and_the_near_ones_more_often():
             place = (100.0 + 0.125 * n + 0.05 * track, 0.0)
             for record in track_records(n, track, t, place, (15.04 / 3600, 0.0), np.eye(2)):
                 pairs.receive(record)
-        told += [each for each in pairs.refine() if isinstance(each, PairMotions)]
+        told += [each for each in pairs.derive_frame_records() if isinstance(each, PairMotions)]
     assert max(len(each.pairs) for each in told) == PAIRS_OF_MANY
     assert len(pairs.last) == 66
     times = Counter((m.track_id, m.other_track_id) for each in told[11:] for m in each.pairs)
@@ -275,14 +279,14 @@ def test_of_many_pairs_each_has_its_turn_and_the_near_ones_more_often():
 
 
 def test_pairs_go_on_record_and_back(tmp_path: Path):
-    told = pairs_after([r for frame in crossing(12) for r in frame]).refine()
+    told = pairs_after([r for frame in crossing(12) for r in frame]).derive_frame_records()
     writer = SessionWriter.create(tmp_path / "pairs", Config(), {"title": "pairs"})
     for record in told:
         writer.append(record, BEGIN_UTC_NS)
     writer.close()
     reader = SessionReader(tmp_path / "pairs")
     assert [r for _, _, r in reader.records() if isinstance(r, PairMotions)] == list(told)
-    [row] = reader.view("pairs")
+    [row] = reader.view_rows("pairs")
     [motion] = told[0].pairs
     assert (row["track_id"], row["other_track_id"], row["path"]) == (1, 2, motion.path)
     assert row["separation_arcsec"] == pytest.approx(motion.separation_arcsec)

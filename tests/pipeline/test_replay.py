@@ -8,9 +8,9 @@ import pytest
 
 from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, with_setting
-from rsoconsole.night import as_recorded, frames_of
+from rsoconsole.night import frames_of, recorded_figures
 from rsoconsole.pipeline import ReplayedFrame, replay
-from rsoconsole.pipeline.replays.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import (
     BelowTau,
     Cause,
@@ -65,7 +65,7 @@ def test_a_night_in_which_everything_happens_is_replayed_bit_for_bit(busy_night)
     told = [r for frame in replayed for r in frame.records if isinstance(r, NotFollowed)]
     assert told == busy_night.of(NotFollowed)
     assert len(states) > 60
-    assert as_recorded(busy_night.records) == figures_of(replayed)
+    assert recorded_figures(busy_night.records) == track_figures(replayed)
 
 
 def test_wherever_a_session_is_cut_off_only_its_last_frame_lacks_anything(busy_night):
@@ -80,7 +80,7 @@ def test_wherever_a_session_is_cut_off_only_its_last_frame_lacks_anything(busy_n
                 f.taken.frame_id == each.taken.frame_id for f in (*whole, last) if f is not each
             )
             is_again = is_again or each.taken.frame_id == last.taken.frame_id
-            assert is_again or (fold.records, fold.state) == (each.recorded, each.after.state)
+            assert is_again or (fold.records, fold.state_after) == (each.recorded, each.after.state)
         assert all(frame.is_as_recorded for frame in whole)
         if last is not None:
             assert last.records[: len(last.recorded)] == last.recorded

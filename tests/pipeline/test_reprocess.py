@@ -15,9 +15,9 @@ from rsoconsole.instruments import read_frame
 from rsoconsole.pipeline import (
     RecordedFrame,
     Reprocessor,
-    compare,
+    pair_candidates,
+    read_frame_records,
     read_recorded_frame,
-    recorded_frame,
 )
 from rsoconsole.pipeline.replays import reprocess
 from rsoconsole.records import (
@@ -43,7 +43,7 @@ SIGMA_OF_MIDPOINT_ARCSEC = 0.8
 
 @pytest.fixture(scope="module")
 def recorded() -> RecordedFrame:
-    return recorded_frame(SessionReader(SAMPLE), KEPT)
+    return read_frame_records(SessionReader(SAMPLE), KEPT)
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_a_tau_above_its_confidence_rejects_it_with_both_numbers(processor: Repr
 
 
 def test_the_paper_map_is_black_and_white_and_shows_less(processor: Reprocessor):
-    (graded,), (hard,) = processor.maps("fast"), processor.maps("paper")
+    (graded,), (hard,) = processor.network_maps("fast"), processor.network_maps("paper")
     assert set(np.unique(hard.values)) == {0, 255}
     assert len(np.unique(graded.values)) > 100
     assert graded.values.shape == hard.values.shape == (440, 582)
@@ -164,7 +164,7 @@ def test_nothing_is_written(copy: Path):
         return {path: (stat.st_size, stat.st_mtime_ns) for path, stat in stats.items()}
 
     before = state()
-    recorded = recorded_frame(SessionReader(copy), KEPT)
+    recorded = read_frame_records(SessionReader(copy), KEPT)
     Reprocessor(recorded, read_recorded_frame(recorded)).run(tau=0.5)
     assert state() == before
 
@@ -173,7 +173,7 @@ def test_nothing_is_written(copy: Path):
 
 
 def test_a_frame_that_was_not_kept_says_why():
-    recorded = recorded_frame(SessionReader(SAMPLE), LEFT_OUT)
+    recorded = read_frame_records(SessionReader(SAMPLE), LEFT_OUT)
     assert recorded.path is None
     assert recorded.seen.detections is not None
     with pytest.raises(FrameError, match="frame 8 was not kept: pruned on 2023-06-23"):
@@ -184,20 +184,20 @@ def test_a_frame_that_is_not_written_yet_says_so(tmp_path: Path):
     writer = night.begin(tmp_path / "night")
     night.add_frames(writer, range(1, 2))
     with pytest.raises(FrameError, match="not written yet"):
-        read_recorded_frame(recorded_frame(SessionReader(writer.folder), 1))
+        read_recorded_frame(read_frame_records(SessionReader(writer.folder), 1))
     writer.close()
 
 
 def test_a_frame_that_never_was_is_no_frame():
     with pytest.raises(SessionError, match="holds no frame 999"):
-        recorded_frame(SessionReader(SAMPLE), 999)
+        read_frame_records(SessionReader(SAMPLE), 999)
 
 
 def test_a_truncated_file_is_named(copy: Path):
     path = copy / "frames" / "000009.fits.fz"
     path.write_bytes(path.read_bytes()[:1_000_000])
     with pytest.raises(FrameError, match=r"000009\.fits\.fz is truncated"):
-        read_recorded_frame(recorded_frame(SessionReader(copy), KEPT))
+        read_recorded_frame(read_frame_records(SessionReader(copy), KEPT))
 
 
 @pytest.mark.parametrize("what", ["size", "instant"])
@@ -208,7 +208,7 @@ def test_the_file_of_another_exposure_is_refused(copy: Path, frame: Frame, what:
     (copy / "frames" / "000009.fits.fz").write_bytes(compress_frame(other))
     words = "128 x 128 px, but frame 9 was 2328 x 1760" if what == "size" else "another instant"
     with pytest.raises(FrameError, match=words):
-        read_recorded_frame(recorded_frame(SessionReader(copy), KEPT))
+        read_recorded_frame(read_frame_records(SessionReader(copy), KEPT))
 
 
 def test_the_pixels_are_those_of_the_file(recorded: RecordedFrame, frame: Frame):
@@ -224,11 +224,11 @@ def test_a_branch_shows_the_pixels_of_its_session_and_why_others_are_missing(cop
         database.execute("DELETE FROM files")
         database.execute("INSERT INTO meta VALUES ('branch_of', '\"../..\"')")
     reader = SessionReader(branch)
-    kept = recorded_frame(reader, KEPT)
+    kept = read_frame_records(reader, KEPT)
     assert kept.path is not None
     assert kept.path.samefile(copy / "frames" / "000009.fits.fz")
     assert kept.not_kept_because == ""
-    assert "pruned on 2023-06-23" in recorded_frame(reader, LEFT_OUT).not_kept_because
+    assert "pruned on 2023-06-23" in read_frame_records(reader, LEFT_OUT).not_kept_because
 
 
 # -- what was in force -------------------------------------------------------------------------
@@ -242,9 +242,9 @@ def test_changes_before_the_frame_are_in_force_and_later_ones_are_not(tmp_path: 
         night.add_frames(writer, range(frame_id, frame_id + 1))
     writer.close()
     reader = SessionReader(writer.folder)
-    assert recorded_frame(reader, 2).config.detector.tau == 0.3
+    assert read_frame_records(reader, 2).config.detector.tau == 0.3
     own = with_setting(Config(), "detector.map_mode", "paper")
-    given = recorded_frame(reader, 1, own).config.detector
+    given = read_frame_records(reader, 1, own).config.detector
     assert (given.tau, given.map_mode) == (0.2, "paper")
 
 
@@ -265,7 +265,9 @@ def test_candidates_of_one_streak_stand_side_by_side():
     here = straight_detection(frame_id=1, x_px=300.0, y_px=200.0, confidence=0.6)
     moved = replace(here, x_px=300.5, confidence=0.7)
     there = straight_detection(frame_id=1, x_px=700.0, y_px=600.0, confidence=0.9)
-    pairs = compare(found(here, there), found(rejected=((moved, NotAStreak(kind="no line")),)))
+    pairs = pair_candidates(
+        found(here, there), found(rejected=((moved, NotAStreak(kind="no line")),))
+    )
     seen = [
         (p.was and p.was.detection.confidence, p.now and p.now.detection.confidence) for p in pairs
     ]
@@ -275,22 +277,22 @@ def test_candidates_of_one_streak_stand_side_by_side():
         False,
         "no line fits the light in the box",
     )
-    assert pairs[0].shown == there
-    assert pairs[1].shown == moved
+    assert pairs[0].latest_detection == there
+    assert pairs[1].latest_detection == moved
 
 
 def test_two_parallel_streaks_are_not_taken_for_one_another():
     one = straight_detection(frame_id=1, x_px=300.0, y_px=200.0, confidence=0.6)
     other = replace(one, y_px=204.0, y_a_px=204.0, y_b_px=204.0, width_px=4.0)
     one = replace(one, width_px=4.0)
-    pairs = compare(found(one, other), found(other, one))
+    pairs = pair_candidates(found(one, other), found(other, one))
     assert all(p.was and p.now and p.was.detection == p.now.detection for p in pairs)
     assert all(pair.is_as_recorded for pair in pairs)
 
 
 def test_a_frame_never_reduced_has_only_what_is_seen_now():
     now = straight_detection(frame_id=1, confidence=0.6)
-    (pair,) = compare(None, found(now))
+    (pair,) = pair_candidates(None, found(now))
     assert pair.was is None
     assert not pair.is_as_recorded
-    assert compare(None, None) == ()
+    assert pair_candidates(None, None) == ()

@@ -8,11 +8,11 @@ import pytest
 from rsoconsole.cli.judge.summary import summarise
 from rsoconsole.config import Config
 from rsoconsole.control import Outcome
-from rsoconsole.library.notebook.night.night import read_night
-from rsoconsole.night import Night, as_recorded
+from rsoconsole.library.notebook.night.night import read_drawn_night
+from rsoconsole.night import Night, recorded_figures
 from rsoconsole.pipeline import Reduction, replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
-from rsoconsole.pipeline.replays.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import (
     Event,
     FollowedAgain,
@@ -55,7 +55,7 @@ def say(r: Rig, verb: str, **arguments: Any) -> Outcome:
 def replayed(r: Rig) -> list[Any]:
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
     frames = list(replay(records, CONFIG))
-    assert as_recorded(records) == figures_of(frames)
+    assert recorded_figures(records) == track_figures(frames)
     return frames
 
 
@@ -66,8 +66,8 @@ def test_a_streak_marked_by_hand_measures_a_frame_that_had_missed():
     assert say(r, "mark", x_a=0.0, y_a=0.0, x_b=3.0, y_b=3.0).ok
     after = r.engine.following
     assert after.state == "TRACK"
-    assert after.taken.source == "operator"
-    assert after.taken.frame_id == 9
+    assert after.lead_measured.source == "operator"
+    assert after.lead_measured.frame_id == 9
     assert after.track.misses == 0
     (change,) = [c for c in r.memory.of(StateChange) if c.before == "COAST"]
     assert text(change.reason) == "frame 9: taken by the operator's hand"
@@ -98,7 +98,7 @@ def test_a_second_rejection_is_of_the_measurement_before():
     r.engine.run(frames=8)
     for _ in range(2):
         assert say(r, "reject").ok
-    assert r.engine.following.taken.frame_id == 6
+    assert r.engine.following.lead_measured.frame_id == 6
     assert r.engine.following.track.misses == 2
     assert all(frame.is_as_recorded for frame in replayed(r))
 
@@ -132,8 +132,11 @@ def test_a_candidate_below_tau_may_be_chosen_where_it_lies():
     r = night(set(range(1, 8)))
     r.engine.run(frames=8)
     assert say(r, "choose", x=3.0, y=0.0).ok
-    assert r.engine.following.taken.source == "operator"
-    assert (r.engine.following.taken.x_px, r.engine.following.taken.y_px) == (2.0, 1.0)
+    assert r.engine.following.lead_measured.source == "operator"
+    assert (r.engine.following.lead_measured.x_px, r.engine.following.lead_measured.y_px) == (
+        2.0,
+        1.0,
+    )
     assert all(frame.is_as_recorded for frame in replayed(r))
 
 
@@ -222,7 +225,7 @@ def test_a_word_is_on_the_frame_it_was_said_of_though_a_newer_one_was_followed_m
     (decision,) = r.memory.of(Ruling)
     assert decision.frame_id == 8
     assert [m.frame_id for m in decision.refused] == [8]
-    assert r.engine.following.taken.frame_id == 9
+    assert r.engine.following.lead_measured.frame_id == 9
 
 
 def test_accept_takes_what_was_not_taken():
@@ -302,8 +305,11 @@ def test_another_header_latency_moves_what_was_ruled_on_too():
     say(r, "mark", x_a=0.0, y_a=0.0, x_b=3.0, y_b=3.0, replaces=True)
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
     changes = list(replay(records, CONFIG, changes={"exposure.header_latency_s": 0.1}))
-    assert changes[-1].after.taken.source == "operator"
-    assert changes[-1].after.taken.t_mid_utc_ns == r.engine.following.taken.t_mid_utc_ns + 10**8
+    assert changes[-1].after.lead_measured.source == "operator"
+    assert (
+        changes[-1].after.lead_measured.t_mid_utc_ns
+        == r.engine.following.lead_measured.t_mid_utc_ns + 10**8
+    )
 
 
 # -- what others make of it -------------------------------------------------------------------
@@ -326,13 +332,13 @@ def test_figures_and_summary_know_what_counts_no_more(tmp_path: Path):
     r.engine.run(frames=9)
     assert summarise(r.memory.records, [])["misses"] == 1
     session = kept(r, tmp_path / "night")
-    (eighth,) = [frame for frame in read_night(session).frames if frame.frame_id == 8]
-    assert (eighth.measured, eighth.updated) == (None, None)
-    assert eighth.missed == "refused by the operator" or eighth.missed
-    rows = [row for row in SessionReader(session).view("track") if row["frame_id"] == 8]
+    (eighth,) = [frame for frame in read_drawn_night(session).frames if frame.frame_id == 8]
+    assert (eighth.lead_measured, eighth.updated) == (None, None)
+    assert eighth.lead_miss_reason == "refused by the operator" or eighth.lead_miss_reason
+    rows = [row for row in SessionReader(session).view_rows("track") if row["frame_id"] == 8]
     assert [row["is_superseded"] for row in rows if row["step"] == "updated"] == [1]
     assert [row["is_superseded"] for row in rows if row["step"] == "predicted"] == [1, 0]
-    assert {row["is_superseded"] for row in SessionReader(session).view("misses")} == {0}
+    assert {row["is_superseded"] for row in SessionReader(session).view_rows("misses")} == {0}
 
 
 def test_a_mark_on_a_missed_frame_is_no_miss_any_more():
@@ -350,9 +356,9 @@ def test_the_console_follows_the_last_of_two_marks():
     say(r, "mark", x_a=6.0, y_a=6.0, x_b=10.0, y_b=10.0, replaces=True)
     folded = Night(Path("night"), {}, CONFIG)
     for number, record in enumerate(r.memory.records):
-        folded.take(made_up_night.t_of(1) + number, record)
+        folded.fold_record(made_up_night.t_of(1) + number, record)
     detail = folded.frame(8)
-    assert (detail.followed.x_px, detail.followed.y_px) == (8.0, 8.0)
+    assert (detail.accepted_measurement.x_px, detail.accepted_measurement.y_px) == (8.0, 8.0)
     by_hand = [m for m in detail.measurements if m.source == "operator"]
     assert [(m.x_px, m.y_px) for m in by_hand] == [(8.0, 8.0)]
 

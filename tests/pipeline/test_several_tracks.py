@@ -10,11 +10,11 @@ import pytest
 from rsoconsole.cli.demo.demo import _track_words
 from rsoconsole.cli.judge.summary import summarise
 from rsoconsole.config import Config
-from rsoconsole.library.formats.night import read_night as exported
-from rsoconsole.library.notebook.night.night import read_night
+from rsoconsole.library.formats.night import read_exported_night as exported
+from rsoconsole.library.notebook.night.night import read_drawn_night
 from rsoconsole.night import Night
 from rsoconsole.pipeline import OnlineOrbit, Orbits
-from rsoconsole.pipeline.orbits.orbit_online import Refined
+from rsoconsole.pipeline.orbits.orbit_online import RefinedOrbit
 from rsoconsole.records import (
     CatalogueMatch,
     FoldRecord,
@@ -171,14 +171,14 @@ def only(records: list[Record], track_id: int) -> list[Record]:
     return [r for r in records if not isinstance(r, TrackState) or r.track_id == track_id]
 
 
-def refined_of(records: list[Record]) -> list[Refined]:
+def refined_of(records: list[Record]) -> list[RefinedOrbit]:
     """Asked behind each frame, as the engine does."""
     online, found = OnlineOrbit(config()), []
     for number, record in enumerate(records):
         online.receive(record)
         if number + 1 == len(records) or type(records[number + 1]) is type(records[0]):
             found += online.refine()
-    assert online.orbit is not None
+    assert online.lead_orbit is not None
     return found
 
 
@@ -213,7 +213,7 @@ def told_with_names(records: list[Record]) -> list[Record]:
         told.append(record)
         orbits.receive(record)
         if number + 1 == len(records) or type(records[number + 1]) is type(records[0]):
-            told += orbits.refine()
+            told += orbits.derive_frame_records()
     assert set(orbits.last) == {1, 2}
     return told
 
@@ -237,16 +237,16 @@ def test_an_export_holds_both_tracks_and_figures_are_the_leads(told, tmp_path: P
     night = exported(tmp_path / "two")
     assert night.tracks == (1, 2)
     for track_id in (1, 2):
-        rows = night.of_track(track_id)
+        rows = night.track_measurements(track_id)
         assert sorted(row.frame_id for row in rows) == list(range(1, 31))
         assert all(row.is_taken and row.not_taken_because is None for row in rows)
         assert all(row.predicted_ra_icrs_deg is not None for row in rows[2:])
         away = [abs(row.residual_ra_arcsec or 0.0) for row in rows]
         assert max(away) < 5.0, "each beside its own prediction"
-    shown = read_night(tmp_path / "two")
+    shown = read_drawn_night(tmp_path / "two")
     assert [f.updated.track_id for f in shown.frames if f.updated] == [1] * 29
-    assert [sorted(f.beside) for f in shown.frames] == [[]] + [[2]] * 29
-    assert not [f for f in shown.frames if f.missed]
+    assert [sorted(f.other_track_states) for f in shown.frames] == [[]] + [[2]] * 29
+    assert not [f for f in shown.frames if f.lead_miss_reason]
     figures = summarise(told, [])
     assert figures["misses"] == 0
 
@@ -293,7 +293,7 @@ def test_the_summary_has_a_line_for_each_satellite(told):
 def test_the_console_knows_all_and_shows_the_lead(told):
     night = Night(Path("two"), {}, Config())
     for record in told:
-        night.take(10**18, record)
+        night.fold_record(10**18, record)
     view = night.view()
     assert view.track is not None
     assert view.track.track_id == 1
@@ -307,13 +307,13 @@ def test_the_console_knows_all_and_shows_the_lead(told):
 def test_a_miss_of_another_track_is_none_of_the_leads():
     night = Night(Path("two"), {}, Config())
     for n in (1, 2):
-        night.take(n, taken(n, 150.0, -5.0))
+        night.fold_record(n, taken(n, 150.0, -5.0))
     for each in begun().tracks:
-        night.take(3, dataclasses.replace(each.track, frame_id=2))
+        night.fold_record(3, dataclasses.replace(each.track, frame_id=2))
     for n, _, records in followed(range(3, 6), other_missed=(4,)):
-        night.take(n, taken(n, 150.0, -5.0))
+        night.fold_record(n, taken(n, 150.0, -5.0))
         for record in records:
-            night.take(n, record)
+            night.fold_record(n, record)
     assert [row.miss for row in night.view().rows] == [None] * 5
 
 

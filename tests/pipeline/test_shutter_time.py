@@ -17,8 +17,8 @@ from rsoconsole.config import (
 )
 from rsoconsole.engine.doctor.checks import check_shutter
 from rsoconsole.engine.operator.arming import ArmingCheck, arming_checks
-from rsoconsole.library.formats.night import read_night
-from rsoconsole.pipeline import measure, merged_timings, replay, shutter_mid_utc_ns, shutter_time
+from rsoconsole.library.formats.night import read_exported_night
+from rsoconsole.pipeline import frame_timing, measure, merged_timings, mid_exposure_utc_ns, replay
 from rsoconsole.records import CameraMode, FrameTaken, Measurement
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
@@ -83,7 +83,7 @@ def exposure(*known: CalibratedTiming) -> ExposureConfig:
     ],
 )
 def test_a_frame_has_the_shutter_of_its_mode(taken: FrameTaken, bias_s: float) -> None:
-    assert shutter_time(taken, exposure(TWO_S, TEN_S)).late_s == bias_s
+    assert frame_timing(taken, exposure(TWO_S, TEN_S)).late_s == bias_s
 
 
 def part(x0_px: int, y0_px: int, width_px: int, height_px: int, **camera: object) -> FrameTaken:
@@ -94,36 +94,36 @@ def part(x0_px: int, y0_px: int, width_px: int, height_px: int, **camera: object
 
 def test_a_part_of_the_sensor_has_the_shutter_of_the_whole_a_little_less_surely() -> None:
     known = exposure(TWO_S)
-    timed = shutter_time(part(1152, 880, 2320, 1760), known)
+    timed = frame_timing(part(1152, 880, 2320, 1760), known)
     assert (timed.late_s, timed.line_time_us) == (0.1372, 15.1)
     assert timed.bias_sigma_s == pytest.approx(0.0055, abs=1e-4)
     own = TWO_S.model_copy(
         update={"x0_px": 1152, "y0_px": 880, "width_px": 2320, "height_px": 1760, "bias_s": 0.11}
     )
-    assert shutter_time(part(1152, 880, 2320, 1760), exposure(TWO_S, own)).late_s == 0.11
+    assert frame_timing(part(1152, 880, 2320, 1760), exposure(TWO_S, own)).late_s == 0.11
     for other in (
         part(1152, 880, 2320, 1760, binning="2x2"),
         part(1152, 880, 2320, 1760, gain=0.0),
         part(3000, 880, 2320, 1760),  # not of that sensor
     ):
-        assert shutter_time(other, known).late_s == 0.5
+        assert frame_timing(other, known).late_s == 0.5
 
 
 def test_rare_exposures_share_an_entry_of_their_own() -> None:
-    assert shutter_time(frame(3.0), exposure(TWO_S, ANY)).late_s == 0.3
-    assert shutter_time(frame(2.04), exposure(TWO_S, ANY)).late_s == 0.1372
+    assert frame_timing(frame(3.0), exposure(TWO_S, ANY)).late_s == 0.3
+    assert frame_timing(frame(2.04), exposure(TWO_S, ANY)).late_s == 0.1372
 
 
 def test_a_cameras_own_receiver_has_no_header_latency_and_an_error_of_its_own() -> None:
-    timed = shutter_time(frame(time_by="gps"), exposure(TWO_S))
+    timed = frame_timing(frame(time_by="gps"), exposure(TWO_S))
     assert (timed.late_s, timed.sigma_s, timed.line_time_us) == (0.0, 0.001, 3.0)
     own = TWO_S.model_copy(update={"time_by": "gps", "bias_s": 0.0004})
-    assert shutter_time(frame(time_by="gps"), exposure(TWO_S, own)).late_s == 0.0004
+    assert frame_timing(frame(time_by="gps"), exposure(TWO_S, own)).late_s == 0.0004
 
 
 def test_bias_line_time_and_scatter_are_in_a_measurement() -> None:
     taken, plain, known = frame(), ExposureConfig(), exposure(TWO_S)
-    mid_ns = shutter_mid_utc_ns(taken, known)
+    mid_ns = mid_exposure_utc_ns(taken, known)
     assert mid_ns == taken.t_mid_utc_ns + round(0.1372 * NS)
     streak = replace(straight_detection(), y_px=1000.0)
     before = measure(streak, solution(), taken, plain, measurement_id="1-0")
@@ -231,17 +231,17 @@ class TestExports:
         return night(tmp_path / "n", sky, Shutter(), plan, rng, exposure=exposure)
 
     def test_the_time_of_a_row_has_the_error_of_its_mode(self, folder: Path) -> None:
-        exported = read_night(folder)
+        exported = read_exported_night(folder)
         expected_s = np.sqrt(0.0081**2 + 0.0011**2 + 0.0023**2)
         assert [exported.time_sigma_s(row) for row in exported.rows] == pytest.approx(
             [expected_s] * len(exported.rows)
         )
-        (told,) = exported.facts()["shutter"]
+        (told,) = exported.table_metadata()["shutter"]
         assert (told["bias_s"], told["measured_on"]) == (0.1372, "2026-11-20")
 
     def test_a_night_without_a_calibration_says_what_it_always_said(self, tmp_path: Path) -> None:
-        exported = read_night(closed_night(tmp_path / "old", frames=4))
-        assert "shutter" not in exported.facts()
+        exported = read_exported_night(closed_night(tmp_path / "old", frames=4))
+        assert "shutter" not in exported.table_metadata()
         assert {exported.time_sigma_s(row) for row in exported.rows} == {0.015}
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import Config
-from rsoconsole.night import as_recorded
+from rsoconsole.night import recorded_figures
 from rsoconsole.pipeline import Reduction, replay
-from rsoconsole.pipeline.replays.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import Frame, OperatorAction, SlewCommand, StateChange, TrackState
 from rsoconsole.session import decode, encode
 from rsoconsole.tracking import Following, follow
@@ -136,7 +136,7 @@ def test_the_telescope_follows_the_one_that_was_made_the_lead_and_a_replay_agree
     assert r.engine.following.track_id == other
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
     frames = list(replay(records, SEVERAL))
-    assert as_recorded(records) == figures_of(frames)
+    assert recorded_figures(records) == track_figures(frames)
     assert all(frame.is_as_recorded for frame in frames)
     again, live = frames[-1].after, r.engine.following
     assert again.tracks == live.tracks

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.night import as_recorded
+from rsoconsole.night import recorded_figures
 from rsoconsole.night.current_tracks import TAKEN_BACK_FRAMES
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.cycle.decisions import KEPT
-from rsoconsole.pipeline.replays.what_if_log import figures_of
+from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import (
     Miss,
     Missed,
@@ -189,7 +189,7 @@ def test_the_console_drops_one_and_takes_it_back_and_a_replay_agrees():
     assert aims(r, 2) - before == pytest.approx(0.0, abs=0.01)
     records = [decode(*encode(record)[::2]) for record in r.memory.records]
     frames = list(replay(records, SEVERAL))
-    assert as_recorded(records) == figures_of(frames)
+    assert recorded_figures(records) == track_figures(frames)
     assert all(frame.is_as_recorded for frame in frames)
     assert frames[-1].after.tracks == r.engine.following.tracks
 

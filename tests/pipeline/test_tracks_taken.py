@@ -53,10 +53,10 @@ def test_asked_after_every_record_it_tells_the_same_as_asked_once():
     often, once = TrackAssignment(), TrackAssignment()
     for record in night():
         often.receive(record)
-        often.live()
+        often.live_tracks()
         once.receive(record)
     assert often.tracks() == once.tracks()
-    assert [track.track_id for track in often.live()] == [2]
+    assert [track.track_id for track in often.live_tracks()] == [2]
     first, second = once.tracks()
     assert 24 not in {m.frame_id for m in first.measurements}
     assert [m.frame_id for m in second.measurements][:1] == [69]

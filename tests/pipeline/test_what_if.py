@@ -17,7 +17,7 @@ from rsoconsole.base import ConfigError, SessionError
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
 from rsoconsole.pipeline import (
-    LogOfOneSession,
+    SessionLogCache,
     branches_of,
     drop_branch,
     replay,
@@ -25,7 +25,7 @@ from rsoconsole.pipeline import (
     what_if_session,
 )
 from rsoconsole.pipeline.replays import branches as branches_module
-from rsoconsole.pipeline.replays.what_if_log import figures_of, rewritten_log
+from rsoconsole.pipeline.replays.what_if_log import rewritten_log, track_figures
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -110,7 +110,7 @@ def test_a_night_that_was_lost_says_so(session):
 
 
 def test_nothing_followed_has_no_figures_and_no_nan():
-    figures = figures_of([])
+    figures = track_figures([])
     assert (figures.locked_after_frames, figures.lock_held) == (None, None)
     assert (figures.residual_east_rms_arcsec, figures.max_3sigma_arcmin) == (None, None)
     assert figures.states == {}
@@ -181,11 +181,11 @@ def test_frames_that_were_reduced_again_are_not_reduced_a_second_time_unasked():
 
 @pytest.mark.parametrize("most_kept", [0, 7, 10_000])
 def test_the_log_that_is_asked_of_again_and_again_is_the_same_however_much_is_kept(mine, most_kept):
-    records, log = [r for _, r in log_of(mine)], LogOfOneSession(most_kept)
+    records, log = [r for _, r in log_of(mine)], SessionLogCache(most_kept)
     for until in (None, 5, 50, None, 3):
         wanted = records if until is None else records[:until]
-        assert list(log.until(mine, until)) == wanted
-    assert list(log.until(SAMPLE, 4)) == [r for _, r in log_of(SAMPLE)][:4]
+        assert list(log.records_until(mine, until)) == wanted
+    assert list(log.records_until(SAMPLE, 4)) == [r for _, r in log_of(SAMPLE)][:4]
 
 
 # -- the log retold ---------------------------------------------------------------------------
@@ -322,7 +322,7 @@ def test_a_branch_is_a_session_that_replays_into_itself_and_the_record_stays(min
     assert folder == mine / "branches" / "calmer"
     assert bytes_in(mine) == before
     reader = SessionReader(folder)
-    about = reader.about()
+    about = reader.read_meta()
     assert about["branch_of"] == "../.."
     assert about["tried"] == changes
     assert about["is_closed"] is True

@@ -149,9 +149,9 @@ def test_the_console_reads_what_was_recorded_without_the_filters_libraries():
     program = (
         "import sys; from pathlib import Path; import rsoconsole.console.screens.live\n"
         "from rsoconsole.session import SessionReader\n"
-        "from rsoconsole.night import as_recorded\n"
+        "from rsoconsole.night import recorded_figures\n"
         f"log = SessionReader(Path({str(SAMPLE)!r})).records()\n"
-        "assert as_recorded(r for _, _, r in log).updates > 10\n"
+        "assert recorded_figures(r for _, _, r in log).updates > 10\n"
         "print(sorted({'scipy', 'filterpy', 'astropy', 'cv2'} & set(sys.modules)))"
     )
     done = subprocess.run(

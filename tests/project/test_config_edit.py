@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rsoconsole.base import ConfigError
 from rsoconsole.config import load_config, write_settings
-from rsoconsole.config.file import initial_config_text, with_settings
+from rsoconsole.config.file import initial_config_text, toml_text_with_settings
 
 BY_HAND = """\
 # Our dome at the lake. Do not touch the gate: [catalogue] is tuned!
@@ -34,51 +34,51 @@ tau = 0.4
 
 
 def test_a_setting_that_is_there_gets_another_value_and_keeps_its_comment() -> None:
-    after = with_settings(BY_HAND, {"catalogue.gate_deg": 0.5})
+    after = toml_text_with_settings(BY_HAND, {"catalogue.gate_deg": 0.5})
     assert after == BY_HAND.replace("gate_deg = 0.3 ", "gate_deg = 0.5 ")
     # its value over several lines
-    after = with_settings(BY_HAND, {"catalogue.tle_files": ["c.tle"]})
+    after = toml_text_with_settings(BY_HAND, {"catalogue.tle_files": ["c.tle"]})
     assert 'tle_files = ["c.tle"]\n\ngate_deg = 0.3   # degrees' in after
 
 
 def test_a_new_setting_stands_in_its_section_before_the_next_ones_comment() -> None:
-    after = with_settings(BY_HAND, {"site.elevation_m": 410.0})
+    after = toml_text_with_settings(BY_HAND, {"site.elevation_m": 410.0})
     assert after == BY_HAND.replace(
         "latitude_deg = 47.5\n", "latitude_deg = 47.5\nelevation_m = 410.0\n"
     )
-    after = with_settings(BY_HAND, {"optics.width_px": 3000})
+    after = toml_text_with_settings(BY_HAND, {"optics.width_px": 3000})
     assert after == BY_HAND + "\n[optics]\nwidth_px = 3000\n"
 
 
 def test_in_a_file_that_config_init_wrote_it_stands_below_its_own_comment() -> None:
-    after = with_settings(initial_config_text(), {"catalogue.gate_deg": 0.5})
+    after = toml_text_with_settings(initial_config_text(), {"catalogue.gate_deg": 0.5})
     assert "# gate_deg = 0.2\ngate_deg = 0.5\n" in after
-    assert with_settings(after, {"catalogue.gate_deg": None}) == initial_config_text()
+    assert toml_text_with_settings(after, {"catalogue.gate_deg": None}) == initial_config_text()
 
 
 def test_tables_become_blocks_and_take_the_place_of_older_ones() -> None:
     first = [{"n": 1, "day": date(2026, 11, 25), "name": 'a "b"'}, {"n": 2, "none": None}]
-    once = with_settings(BY_HAND, {"exposure.calibrated": first})
+    once = toml_text_with_settings(BY_HAND, {"exposure.calibrated": first})
     assert once.startswith(BY_HAND)
     assert tomllib.loads(once)["exposure"]["calibrated"] == [
         {"n": 1, "day": date(2026, 11, 25), "name": 'a "b"'},
         {"n": 2},
     ]
     marked = once.replace("n = 2\n", "n = 2\n# kept for the record\n")
-    twice = with_settings(marked, {"exposure.calibrated": [{"n": 3}]})
+    twice = toml_text_with_settings(marked, {"exposure.calibrated": [{"n": 3}]})
     assert tomllib.loads(twice)["exposure"] == {"calibrated": [{"n": 3}]}
     assert twice.startswith(BY_HAND)
     assert twice.count("[[exposure.calibrated]]") == 1
     assert "# kept for the record" in twice
     inline = BY_HAND + "\n[exposure]\ncalibrated = [{n = 1}]\n"
-    after = with_settings(inline, {"exposure.calibrated": [{"n": 3}]})
+    after = toml_text_with_settings(inline, {"exposure.calibrated": [{"n": 3}]})
     assert tomllib.loads(after)["exposure"] == {"calibrated": [{"n": 3}]}
-    assert with_settings(once, {"exposure.calibrated": None}).startswith(BY_HAND)
+    assert toml_text_with_settings(once, {"exposure.calibrated": None}).startswith(BY_HAND)
 
 
 def test_what_stands_above_the_next_section_stays_there_when_blocks_before_it_go() -> None:
     block, after = "[[exposure.calibrated]]\nn = 1\n", "\n# Ours:\n[site]\nlatitude_deg = 47.5\n"
-    moved = with_settings(block * 2 + after, {"exposure.calibrated": [{"n": 3}]})
+    moved = toml_text_with_settings(block * 2 + after, {"exposure.calibrated": [{"n": 3}]})
     assert moved == after + "\n[exposure]\n\n" + block.replace("1", "3")
 
 
@@ -93,7 +93,7 @@ def test_what_stands_above_the_next_section_stays_there_when_blocks_before_it_go
 def test_a_form_that_can_be_edited_says_what_was_set_and_nothing_else(text: str) -> None:
     before = tomllib.loads(text)
     before["catalogue"]["gate_deg"] = 0.5
-    assert tomllib.loads(with_settings(text, {"catalogue.gate_deg": 0.5})) == before
+    assert tomllib.loads(toml_text_with_settings(text, {"catalogue.gate_deg": 0.5})) == before
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_a_form_that_can_be_edited_says_what_was_set_and_nothing_else(text: str)
 )
 def test_a_form_that_cannot_be_edited_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"by hand|is no section|declare"):
-        with_settings(text, {"catalogue.gate_deg": 0.5})
+        toml_text_with_settings(text, {"catalogue.gate_deg": 0.5})
 
 
 _WORDS = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), max_size=12)
@@ -122,7 +122,7 @@ _WORDS = st.text(st.characters(codec="utf-8", exclude_categories=["Cs", "Cc"]), 
 def test_nothing_else_of_a_file_changes(parts: list[str], value: object, name: str) -> None:
     text = "\n".join(parts)
     section, key = name.split(".")
-    after = with_settings(text, {name: value})
+    after = toml_text_with_settings(text, {name: value})
     wanted = tomllib.loads(text)
     wanted.setdefault(section, {})[key] = value
     assert tomllib.loads(after) == wanted

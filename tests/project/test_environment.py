@@ -21,7 +21,7 @@ from rsoconsole.config import (
     every_setting,
     load_config,
 )
-from rsoconsole.config.settings import OTHERS, variable_of
+from rsoconsole.config.settings import OTHERS, environment_name
 from tests.pages.json_page import expect_documented
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,7 +61,7 @@ def test_every_setting_can_be_given_by_its_variable(monkeypatch: pytest.MonkeyPa
     }
     for name, value in table.items():
         text = value if isinstance(value, str) else json.dumps(value)
-        monkeypatch.setenv(variable_of(name), text)
+        monkeypatch.setenv(environment_name(name), text)
     assert load_config(environ=os.environ) == Config()
     assert set(table) <= {name for name, _, _ in every_setting(Config())}
     assert len(table) > 100
@@ -83,7 +83,7 @@ def test_every_setting_can_be_given_by_its_variable(monkeypatch: pytest.MonkeyPa
 def test_lists_are_one_value_or_json(
     name: str, text: str, value: object, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(variable_of(name), text)
+    monkeypatch.setenv(environment_name(name), text)
     found = {each: given for each, given, _ in every_setting(load_config())}
     if isinstance(value, tuple) and isinstance(value[0], Path):
         value = tuple(path.expanduser() for path in value)

@@ -16,7 +16,7 @@ from rsoconsole.base import (
     OrbitError,
     RsoconsoleError,
     SessionError,
-    read_foreign,
+    read_foreign_text,
 )
 from rsoconsole.base.foreign_text import MAX_BYTES
 from rsoconsole.config import config_faults, load_config
@@ -90,7 +90,7 @@ def test_a_configuration_larger_than_any_is_refused(tmp_path: Path):
 def test_line_ends_of_every_kind_are_read_as_one(tmp_path: Path):
     path = tmp_path / "text"
     path.write_bytes(b"one\r\ntwo\rthree\n")
-    assert read_foreign(path) == "one\ntwo\nthree\n"
+    assert read_foreign_text(path) == "one\ntwo\nthree\n"
 
 
 # ---- elements and observations -------------------------------------------------------------
@@ -159,12 +159,12 @@ def write(night: Path, statement: str, *values: object) -> None:
 def test_a_deep_fact_of_a_session_is_a_damage_in_one_line(night: Path):
     write(night, "UPDATE meta SET value = ? WHERE key = 'config'", DEEP_JSON)
     with pytest.raises(SessionError, match="nested too deeply"):
-        SessionReader(night).about()
+        SessionReader(night).read_meta()
 
 
 def test_a_deep_name_of_a_parent_is_none(night: Path):
     write(night, "INSERT OR REPLACE INTO meta VALUES ('branch_of', ?)", DEEP_JSON)
-    assert SessionReader(night).branch_of is None
+    assert SessionReader(night).original_folder is None
 
 
 def test_in_the_place_of_a_deep_record_stands_one_line_that_says_so(night: Path):
@@ -182,7 +182,7 @@ def test_what_is_nested_too_deeply_is_not_recovered_and_the_rest_is(night: Path)
     write(night, "UPDATE meta SET value = ? WHERE key = 'title'", DEEP_JSON)
     found = SessionReader(recover_session(night, NOW_UTC_NS).folder)
     assert [each.frame_id for _, _, each in found.records(kinds=(FrameTaken,))] == [1, 3]
-    assert found.about()["title"] == "night"
+    assert found.read_meta()["title"] == "night"
 
 
 def test_a_deep_note_of_upkeep_is_passed_over():

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rsoconsole.records.columns import documentation, with_documentation
+from rsoconsole.records.columns import tables_markdown, with_tables_markdown
 from tests.rigs.worked_example import expect_used
 
 ROOT = Path(__file__).parents[2]
@@ -45,10 +45,10 @@ from pathlib import Path
 
 import rsoconsole
 from rsoconsole.library.formats.rows import COLUMNS
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.library.formats.api import to_csv, to_ecsv, to_jsonl
 from rsoconsole.library.notebook.session import open_session
-from rsoconsole.records.columns import with_documentation
+from rsoconsole.records.columns import with_tables_markdown
 from rsoconsole.records import Measurement, Ruling
 from rsoconsole.session import SessionReader
 from rsoconsole.session import SessionWriter
@@ -77,15 +77,15 @@ new = SessionReader(folder)
 with new.connect() as connection:
     (found,) = connection.execute(f"SELECT DISTINCT {NAME} FROM measurements").fetchall()
 assert found == (91.25,)
-assert {row[NAME] for row in new.view("measurements")} == {91.25}
-assert {row[NAME] for row in old.view("measurements")} == {None}
+assert {row[NAME] for row in new.view_rows("measurements")} == {91.25}
+assert {row[NAME] for row in old.view_rows("measurements")} == {None}
 
 # The notebook's table, with its unit.
 table = open_session(folder).table("measurements")
 assert str(table[NAME].unit) == "deg" and set(table[NAME].value) == {91.25}
 
 # Exported tables, there and back.
-exported = read_night(folder)
+exported = read_exported_night(folder)
 rows = list(csv.DictReader(io.StringIO(to_csv(exported.rows))))
 assert rows and {row[NAME] for row in rows} == {"91.25"}
 Path("night.csv").write_text(to_csv(exported.rows))
@@ -94,7 +94,7 @@ assert {json.loads(line)[NAME] for line in to_jsonl(exported.rows).splitlines()}
 assert f"name: {NAME}, unit: deg, datatype: float64" in to_ecsv(exported)
 
 # The documentation.
-page = with_documentation((root / "sessions" / "README.md").read_text(encoding="utf-8"))
+page = with_tables_markdown((root / "sessions" / "README.md").read_text(encoding="utf-8"))
 (line,) = [line for line in page.splitlines() if line.startswith("| `measurements` |")]
 assert line.endswith(f", measurement_id, {NAME} |"), line
 print("used")
@@ -108,8 +108,8 @@ def test_a_new_column_takes_two_files_and_is_in_every_table(tmp_path: Path) -> N
 
 def test_the_page_is_written_from_the_columns() -> None:
     page = (ROOT / "sessions" / "README.md").read_text(encoding="utf-8")
-    assert with_documentation(page) == page
+    assert with_tables_markdown(page) == page
     stale = page.replace(", measurement_id |", " |")
     assert stale != page
-    assert with_documentation(stale) == page
-    assert documentation() in page
+    assert with_tables_markdown(stale) == page
+    assert tables_markdown() in page

@@ -32,11 +32,11 @@ moon_glow_adu real of the sky's light what the Moon gives
     "rsoconsole/night/frame.py": [
         (
             """
-    FrameFact("star_count", "stars", "", ".0f"),
+    FrameQuantity("star_count", "stars", "", ".0f"),
 """,
             """
-    FrameFact("star_count", "stars", "", ".0f"),
-    FrameFact("moon_glow_adu", "glow of the Moon", "ADU", ".1f"),
+    FrameQuantity("star_count", "stars", "", ".0f"),
+    FrameQuantity("moon_glow_adu", "glow of the Moon", "ADU", ".1f"),
 """,
         )
     ],
@@ -49,8 +49,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import rsoconsole
-from rsoconsole.console.words.curves import quality_lines
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.console.words.curves import image_quality_lines
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.library.formats.api import to_csv
 from rsoconsole.night import Night
 from rsoconsole.library.notebook.session import open_session
@@ -71,10 +71,11 @@ assert writer.faults == ()
 
 # A screen.
 reader = SessionReader(folder)
-night = Night(folder, reader.about(), reader.config())
+night = Night(folder, reader.read_meta(), reader.config())
 for seq, t_utc_ns, record in reader.records():
-    night.take(t_utc_ns, record, seq)
-shown = ["".join(text for text, _ in line) for line in quality_lines(night.view().rows, 80, 40)]
+    night.fold_record(t_utc_ns, record, seq)
+lines = image_quality_lines(night.view().rows, 80, 40)
+shown = ["".join(text for text, _ in line) for line in lines]
 assert any("glow of the Moon" in line and "ADU" in line for line in shown), shown
 
 # A notebook: its table with the unit, and its plot.
@@ -87,7 +88,7 @@ assert any("glow of the Moon" in axis.get_ylabel() for axis in figure.axes)
 assert "Glow of the Moon" in render_report(folder).html
 
 # An export.
-rows = list(csv.DictReader(io.StringIO(to_csv(read_night(folder).rows))))
+rows = list(csv.DictReader(io.StringIO(to_csv(read_exported_night(folder).rows))))
 assert rows and all(float(r["moon_glow_adu"]) == 12.5 + int(r["frame_id"]) for r in rows)
 print("used")
 """

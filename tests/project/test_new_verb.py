@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.base import resource
+from rsoconsole.base import resource_path
 from rsoconsole.control import COMMANDS, AimOffset, Command, Preview
 from rsoconsole.engine.operator.handlers import Handler
 from tests.rigs.engine_rig import command_handler_of, rig
 from tests.rigs.worked_example import expect_used
 
-PAGE = resource("control", "README.md").read_text(encoding="utf-8")
+PAGE = resource_path("control", "README.md").read_text(encoding="utf-8")
 MAX_FILES = 4
 
 USE = """
@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from rsoconsole.cli.app import app
 from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.keymap import bindings
-from rsoconsole.control import ControlServer, command_of, command_words, default_socket_path
+from rsoconsole.control import ControlServer, make_command, command_words, default_socket_path
 from rsoconsole.control.commands import Flats
 from rsoconsole.words import text
 from rsoconsole.records import OperatorAction
@@ -40,7 +40,7 @@ assert run.output == "on its way; you have the mount\\n", run.output
 assert "Above the horizon" in CliRunner().invoke(app, ["flats", "--help"]).output
 
 # By the loop, to the mount and the record.
-assert r.queue.is_wanted, "it is urgent"
+assert r.queue.is_interrupt_wanted, "it is urgent"
 r.engine.commands.execute_waiting()
 altitude_deg, azimuth_deg = icrs_to_altaz(SITE, *r.mount.slews[-1], r.clock.now_utc_ns())
 assert abs(altitude_deg - 65.0) < 0.1 and abs(azimuth_deg - 180.0) < 0.1
@@ -52,7 +52,7 @@ assert done.arguments == {"altitude_deg": 65.0}
 assert command_words(done.verb, done.arguments) == "flats at altitude 65°"
 
 # By its key.
-assert BY_NAME["flats"].sends == Flats() == command_of("flats", {})
+assert BY_NAME["flats"].sends == Flats() == make_command("flats", {})
 assert "hand_over('flats')" in [binding.action for binding in bindings("live")]
 print("used")
 """

@@ -12,7 +12,7 @@ import pytest
 
 from rsoconsole import words as said_by
 from rsoconsole.console.night.engine_view import EngineView, alerts_between
-from rsoconsole.console.timeline.timeline import TimelineFold
+from rsoconsole.console.timeline.timeline import TimelineBuilder
 from rsoconsole.night import Night, frames_of
 from rsoconsole.pipeline import replay, what_if
 from rsoconsole.records import (
@@ -123,7 +123,9 @@ def decided(folder: Path) -> dict[str, Any]:
             for f in replay(records, CONFIG)
         ],
         "recorded": [
-            (f.frame_id, f.fold.state, len(f.fold.records)) for f in frames_of(records) if f.fold
+            (f.frame_id, f.fold.state_after, len(f.fold.records))
+            for f in frames_of(records)
+            if f.fold
         ],
         "what-if": [what_if(records, CONFIG, changes) for changes in TRIED],
         "retold": [
@@ -145,7 +147,7 @@ def log_lines(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[Any, ...]]
     """What the seat's log makes of every line, without its words."""
     night = Night(folder, {}, CONFIG)
     for seq, (t_utc_ns, record) in enumerate(log, start=1):
-        night.take(t_utc_ns, record, seq)
+        night.fold_record(t_utc_ns, record, seq)
     return [
         (line.seq, line.kind, line.level, line.times, line.asked, line.is_accepted, line.topic)
         for line in night.view().log
@@ -154,11 +156,11 @@ def log_lines(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[Any, ...]]
 
 def time_line(log: list[tuple[int, Any]]) -> Any:
     """What is worth a jump, and the states."""
-    fold = TimelineFold()
+    fold = TimelineBuilder()
     for seq, (t_utc_ns, record) in enumerate(log, start=1):
         frame_id = getattr(record, "frame_id", None)
         fold.receive(seq, t_utc_ns, type(record).__name__, frame_id, record)
-    line = fold.so_far(len(log), is_closed=True)
+    line = fold.build_timeline(len(log), is_closed=True)
     return line.events, line.states
 
 
@@ -170,7 +172,7 @@ def alarms(folder: Path, log: list[tuple[int, Any]]) -> list[tuple[int, str]]:
     rung: list[tuple[int, str]] = []
     before = night.view()
     for seq, (t_utc_ns, record) in enumerate(log, start=1):
-        night.take(t_utc_ns, record, seq)
+        night.fold_record(t_utc_ns, record, seq)
         if isinstance(record, StateChange | Event):
             after = night.view()
             found = alerts_between((before, engine), (after, engine))
@@ -304,7 +306,7 @@ def test_the_text_in_the_log_is_for_people_and_is_not_read_back() -> None:
 def test_the_view_says_reasons_as_text(night: Path) -> None:
     reader = SessionReader(night)
     for view, kind in (("misses", Miss), ("not_followed", NotFollowed), ("states", StateChange)):
-        said = [row["reason"] for row in reader.view(view)]
+        said = [row["reason"] for row in reader.view_rows(view)]
         told = [said_by.text(r.reason) for _, _, r in reader.records(kinds=(kind,))]  # type: ignore[union-attr]
         assert said == told
         assert len(said) > 3

@@ -3,7 +3,7 @@
 import pytest
 
 from rsoconsole.records import TABLES, PairMotion, Rejection, Table, UnseenMember
-from rsoconsole.records.columns import HEAD, documentation
+from rsoconsole.records.columns import HEAD, tables_markdown
 
 ALL = list(TABLES.values())
 
@@ -16,7 +16,7 @@ def test_every_column_begins_at_a_member_of_its_record(table: Table) -> None:
         members = {"#", "=", *_members_of_a_part(table)}
     for column in table.own:
         if column.source == "log":
-            assert column.place.split(".")[0] in members, column
+            assert column.record_path.split(".")[0] in members, column
 
 
 def _members_of_a_part(table: Table) -> set[str]:
@@ -50,6 +50,6 @@ def test_a_unit_is_that_in_the_name() -> None:
 
 
 def test_the_documentation_has_a_line_a_table() -> None:
-    lines = documentation().splitlines()
+    lines = tables_markdown().splitlines()
     assert len(lines) == 2 + len(TABLES)
     assert all(f"| `{name}` |" in line for name, line in zip(TABLES, lines[2:], strict=True))

@@ -57,13 +57,13 @@ def test_a_frame_may_hold_several_tracks_each_with_its_own_measurements() -> Non
 def test_the_console_shows_the_lead_of_several_tracks() -> None:
     shown = Night(Path("night"), {}, Config())
     for n in range(1, 5):
-        shown.take(1, taken(n, 150.0, -5.0))
+        shown.fold_record(1, taken(n, 150.0, -5.0))
         for record in (r for r in two_tracks() if r.frame_id == n):
-            shown.take(1, record)
+            shown.fold_record(1, record)
     track = shown.view().track
     assert track is not None
     assert track.track_id == 1
-    followed = shown.frame(4).followed
+    followed = shown.frame(4).accepted_measurement
     assert followed is not None
     assert followed.dec_icrs_deg == -5.0
 

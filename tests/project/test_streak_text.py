@@ -1,11 +1,11 @@
 """A streak is called by what it is, on every screen and in ``detect`` alike."""
 
 from rsoconsole.cli.recorded.frames import _detect_lines
-from rsoconsole.console.picture.marks import mark_of
+from rsoconsole.console.picture.marks import streak_mark
 from rsoconsole.night import line_of
 from rsoconsole.pipeline import detections_report
 from rsoconsole.records import Detection, Detections
-from rsoconsole.words import notable_streaks, streak_name, streak_pulse_words
+from rsoconsole.words import notable_streaks_words, streak_name, streak_pulse_words
 from tests.makers import straight_detection
 
 PLAIN = straight_detection(object_class="satellite", class_probability=0.97)
@@ -54,10 +54,10 @@ def test_the_log_names_what_no_track_begins_with_and_nothing_else():
     assert line is not None
     assert line.text == "detected: 2 x crossing, aircraft 0.83; clipped, train of 5"
     assert line_of(found(PLAIN, OPEN, straight_detection(is_clipped=True)), 1) is None
-    assert notable_streaks([]) == ""
+    assert notable_streaks_words([]) == ""
 
 
 def test_the_picture_says_it_beside_the_confidence():
-    assert mark_of(LIGHTS, "candidate").label == ".90 aircraft"
-    assert mark_of(TRAIN, "candidate").label == ".90 clipped"
-    assert mark_of(OPEN, "candidate").label == ".90"
+    assert streak_mark(LIGHTS, "candidate").label == ".90 aircraft"
+    assert streak_mark(TRAIN, "candidate").label == ".90 clipped"
+    assert streak_mark(OPEN, "candidate").label == ".90"

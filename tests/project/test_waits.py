@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from rsoconsole.base import ControlError, InstrumentError, LongWait, waits, waits_reported_to
+from rsoconsole.base import ControlError, InstrumentError, LongWait, report_waits_to, waits
 from rsoconsole.config import IndiConfig, WaitsConfig
 from rsoconsole.control import AskStatus, ControlClient, EngineLock
 from rsoconsole.instruments.indi._device_search import DeviceSearch
@@ -116,12 +116,12 @@ def test_a_server_with_other_devices_that_has_gone_quiet_has_a_wrong_name_in_the
     wall = Wall()
     server.announce("Telescope Simulator")
     with contextlib.closing(waiting_for(server, wall)) as there:
-        there.look()
+        there.check_announced()
         wall.s = 9.0
-        there.look()
+        there.check_announced()
         wall.s = 11.0
         with pytest.raises(InstrumentError) as caught:
-            there.look()
+            there.check_announced()
     assert f"no device '{WANTED}' within 11 s (it has: Telescope Simulator)" in str(caught.value)
     assert "set indi.mount to one of these" in str(caught.value)
 
@@ -130,10 +130,10 @@ def test_a_server_that_announces_nothing_is_given_all_the_time_and_no_setting_is
     wall = Wall()
     with contextlib.closing(waiting_for(server, wall)) as there:
         wall.s = 39.0
-        there.look()
+        there.check_announced()
         wall.s = 41.0
         with pytest.raises(InstrumentError) as caught:
-            there.look()
+            there.check_announced()
     assert "no device at all within 41 s" in str(caught.value)
     assert "indi." not in str(caught.value)
 
@@ -143,12 +143,12 @@ def test_a_device_that_is_announced_but_held_up_is_not_taken_for_a_wrong_name(se
     server.announce("Telescope Simulator")
     server.announce(WANTED)
     with contextlib.closing(waiting_for(server, wall)) as there:
-        there.look()
+        there.check_announced()
         wall.s = 39.0
-        there.look()
+        there.check_announced()
         wall.s = 41.0
         with pytest.raises(InstrumentError) as caught:
-            there.look()
+            there.check_announced()
     assert f"has a device '{WANTED}'" in str(caught.value)
     assert "indi." not in str(caught.value)
 
@@ -157,11 +157,11 @@ def test_what_waits_unread_is_read_before_a_server_counts_as_quiet(server):
     wall = Wall()
     server.announce("CCD Simulator")
     with contextlib.closing(waiting_for(server, wall)) as there:
-        there.look()
+        there.check_announced()
         # This process was held up for a long time, and the server spoke meanwhile.
         server.announce("Focuser Simulator")
         wall.s = 30.0
-        there.look()
+        there.check_announced()
         assert there.others == ("CCD Simulator", "Focuser Simulator")
 
 
@@ -184,7 +184,7 @@ def test_a_mount_that_is_announced_late_is_waited_for_in_words(server, tmp_path,
         if "has announced CCD Simulator until now" in words:
             others_are_named.set()
 
-    with contextlib.closing(mount), waits_reported_to(receive), ThreadPoolExecutor(1) as aside:
+    with contextlib.closing(mount), report_waits_to(receive), ThreadPoolExecutor(1) as aside:
         started = aside.submit(mount.start)
         assert is_named.wait(FAR_TOO_LONG_S)
         server.announce("CCD Simulator")
@@ -226,11 +226,11 @@ def test_a_process_that_is_not_ready_in_time_says_what_it_waited_for(tmp_path: P
 
 def test_a_long_wait_says_what_for_and_how_long_and_only_now_and_then():
     wall, heard = Wall(), list[str]()
-    with waits_reported_to(heard.append):
+    with report_waits_to(heard.append):
         wait = LongWait("the camera's process to start", wall)
         for wall.s in (0.0, 4.9, 5.0, 6.0, 9.9, 10.5):
-            wait.look()
-    wait.look()
+            wait.log_if_due()
+    wait.log_if_due()
     assert heard == [
         "waiting for the camera's process to start ... 5 s",
         "waiting for the camera's process to start ... 10 s",

@@ -212,7 +212,9 @@ def answer(
     is_asked = (stars.magnitude >= brightest) & (stars.magnitude <= faintest)
     kept = np.flatnonzero(is_asked)[: max(lines, 0)]
     columns = (stars.ra_icrs_deg, stars.dec_icrs_deg, stars.magnitude)
-    return _lines("S", Stars.at_rest(*(column[kept] for column in columns)), centre_deg)
+    return _lines(
+        "S", Stars.without_proper_motion(*(column[kept] for column in columns)), centre_deg
+    )
 
 
 def _lines(kind: str, points: Stars, centre_deg: tuple[float, float]) -> list[str]:
@@ -241,7 +243,9 @@ def tell(sky: Sky, arguments: Sequence[str], t_call_utc_ns: int) -> list[str]:
     for each in drawn:
         magnitudes = np.full(len(each.ra_icrs_deg), each.point_magnitude)
         said += _lines(
-            "P", Stars.at_rest(each.ra_icrs_deg, each.dec_icrs_deg, magnitudes), centre_deg
+            "P",
+            Stars.without_proper_motion(each.ra_icrs_deg, each.dec_icrs_deg, magnitudes),
+            centre_deg,
         )
     said += answer(
         sky, centre_deg, asked.r, (asked.m[0], asked.m[1], asked.n - len(said)), t_call_utc_ns

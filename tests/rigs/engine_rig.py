@@ -10,8 +10,8 @@ import numpy as np
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
-from rsoconsole.control import Outcome, Request, command_of
-from rsoconsole.control.wire import sender_of
+from rsoconsole.control import Outcome, Request, make_command
+from rsoconsole.control.wire import parse_sender
 from rsoconsole.engine import Engine
 from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
 from rsoconsole.engine.service._command_handler import CommandHandler
@@ -305,7 +305,9 @@ def rig(
     queue, memory, reducer = CommandQueue(), Memory(), ScriptedReducer(frames, mount)
     engine = Engine(
         config=config,
-        instrument_controller=InstrumentController(instruments, config, lambda: queue.is_wanted),
+        instrument_controller=InstrumentController(
+            instruments, config, lambda: queue.is_interrupt_wanted
+        ),
         reducer=reducer,  # type: ignore[arg-type]
         record=memory,
         queue=queue,
@@ -325,7 +327,9 @@ def asked(
     stamp: int | None = None,
 ) -> Request:
     """A command as it comes off the wire. Raises ValueError for what is none."""
-    return Request(command=command_of(verb, arguments or {}), sender=sender_of(by), stamp=stamp)
+    return Request(
+        command=make_command(verb, arguments or {}), sender=parse_sender(by), stamp=stamp
+    )
 
 
 def told(

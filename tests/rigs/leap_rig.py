@@ -7,9 +7,9 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.instruments import MountReport
 from rsoconsole.orbits import KnownOrbit
-from rsoconsole.orbits.motion.forces import Zonal
-from rsoconsole.pipeline import Glance, Reduction, is_dark
-from rsoconsole.pipeline.frame.measurement import measured
+from rsoconsole.orbits.motion.forces import ZonalPropagator
+from rsoconsole.pipeline import Glance, Reduction, is_in_earth_shadow
+from rsoconsole.pipeline.frame.measurement import measure_detections
 from rsoconsole.records import CameraMode, Detection, Detections, Frame
 from rsoconsole.sky import (
     astrometric_places,
@@ -75,7 +75,7 @@ def orbit_over(
     turn = np.radians(heading_deg)
     speed = np.sqrt(398_600.4418 / np.linalg.norm(r))
     v = speed * (np.cos(turn) * north + np.sin(turn) * east)
-    motion = Zonal(epoch_utc_ns=t)
+    motion = ZonalPropagator(epoch_utc_ns=t)
     return KnownOrbit(epoch_utc_ns=t, r_km=r, v_km_s=v, covariance=np.eye(6), forces=motion)
 
 
@@ -211,7 +211,7 @@ class LowReducer(ScriptedReducer):
             dx, dy = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ along
             x, y = np.array([x[0], x[0] + dx]), np.array([y[0], y[0] + dy])
         self.in_frame.append((frame.frame_id, is_in))
-        is_lit = not (self.is_eclipsed and is_dark(self.orbit, int(t[0])))
+        is_lit = not (self.is_eclipsed and is_in_earth_shadow(self.orbit, int(t[0])))
         found = Detections(
             frame_id=frame.frame_id,
             width_px=frame.width_px,
@@ -233,7 +233,7 @@ class LowReducer(ScriptedReducer):
             plain,
             detections=found,
             solution=None if frame.frame_id in self.unsolved else solution,
-            measurements=measured(found, solution, frame, self.config.exposure),
+            measurements=measure_detections(found, solution, frame, self.config.exposure),
         )
 
 
@@ -274,7 +274,7 @@ def leap_rig(orbit: KnownOrbit, config: Config | None = None) -> Rig:
     engine = engine_rig.Engine(
         config=config,
         instrument_controller=engine_rig.InstrumentController(
-            instruments, config, lambda: made.queue.is_wanted
+            instruments, config, lambda: made.queue.is_interrupt_wanted
         ),
         reducer=reducer,
         record=made.memory,

@@ -167,7 +167,7 @@ def odd_engine(oddities: Oddities, folder: Path, **settings: Any) -> Iterator[Od
         engine = Engine(
             config=config,
             instrument_controller=InstrumentController(
-                instruments, config, lambda: queue.is_wanted
+                instruments, config, lambda: queue.is_interrupt_wanted
             ),
             reducer=Overcast(set(), mount),  # type: ignore[arg-type]
             record=memory,

@@ -51,7 +51,7 @@ class _Voice:
     def __init__(self) -> None:
         self.said: list[Mapping[str, Any]] = []
 
-    def say(self, message: Mapping[str, Any]) -> None:
+    def send(self, message: Mapping[str, Any]) -> None:
         """One line."""
         if message.get("event") != "report":
             self.said.append(message)
@@ -77,9 +77,9 @@ class _Client(IndiClient):
                 return None
             self._night.pass_step()
 
-    def words_since(self, after: int, wait_s: float = 0.0) -> str:
+    def driver_message_since(self, after: int, wait_s: float = 0.0) -> str:
         """Without waiting in the wall's time."""
-        return super().words_since(after)
+        return super().driver_message_since(after)
 
     def take(self, element: ET.Element) -> None:
         """What the driver says."""
@@ -128,7 +128,7 @@ class _Client(IndiClient):
         self._night.model.receive(vector)
         self._night.deliver()
 
-    def take_blobs(self, name: str) -> None:
+    def enable_blobs(self, name: str) -> None:
         """None come."""
 
     def _let_go(self, content: memoryview) -> None:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from rsoconsole.config import OpticsConfig
 from rsoconsole.records import Site
-from rsoconsole.simulator.server import ObservatorySettings, ObservatoryStage
+from rsoconsole.simulator.server import ObservatorySettings, ObservatorySetup
 
 T_START_UTC_NS = 1_687_400_000_000_000_000
 SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
@@ -55,15 +55,15 @@ class PlainScene:
         }
         return pixels, PlainTruth(facts)
 
-    def sky_notice(self, dec_icrs_deg: float) -> str | None:
+    def empty_sky_message(self, dec_icrs_deg: float) -> str | None:
         """Empty north of declination 20 deg."""
         return f"nothing shines at {dec_icrs_deg:.0f} deg" if dec_icrs_deg > 20.0 else None
 
 
-def open_plain(settings: ObservatorySettings) -> ObservatoryStage:
+def open_plain(settings: ObservatorySettings) -> ObservatorySetup:
     """A plain stage on the equator, an hour east of the meridian."""
     width_px, height_px = settings.width_px or 256, settings.height_px or 192
-    return ObservatoryStage(
+    return ObservatorySetup(
         site=SITE,
         optics=OpticsConfig(width_px=width_px, height_px=height_px),
         t_start_utc_ns=T_START_UTC_NS,

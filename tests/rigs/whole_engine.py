@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.base import ControlError, SessionError
-from rsoconsole.control import ControlClient, Outcome, Sender, command_of
+from rsoconsole.control import ControlClient, Outcome, Sender, make_command
 from rsoconsole.instruments import IndiWire
 from rsoconsole.instruments.indi.indi_wire import IndiVector
 from rsoconsole.session import SessionReader
@@ -82,7 +82,7 @@ class WholeEngine:
     def send(self, verb: str, **arguments: Any) -> Outcome:
         """A command by its socket."""
         return ControlClient(self.socket, sender=Sender(name="test")).send(
-            command_of(verb, arguments)
+            make_command(verb, arguments)
         )
 
     def status(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit
 
 from models.star_catalogue import catalogue_of
 from rsoconsole.config import OpticsConfig
-from rsoconsole.simulator import Scene, binned, scenario_named, world_from
+from rsoconsole.simulator import Scene, binned_optics, scenario_named, world_from
 from rsoconsole.simulator.camera.truth import FrameTruth
 from rsoconsole.simulator.scene import scene as scene_module
 from rsoconsole.simulator.sky.brightness import BrightnessHistory
@@ -32,7 +32,7 @@ RATE_ARCSEC_S = 14.98
 def no_faint_stars(*_: Any) -> Stars:
     """A sky of the catalogue's stars alone."""
     none = np.zeros(0)
-    return Stars.at_rest(none, none, none)
+    return Stars.without_proper_motion(none, none, none)
 
 
 def grid_px(optics: OpticsConfig = OPTICS, spacing_px: int = 80) -> tuple[np.ndarray, np.ndarray]:
@@ -101,9 +101,11 @@ def expose(
     star_ra, star_dec = pixel_to_sky(plate, *grid_px(optics))
     order = np.argsort(star_dec) if stars else np.zeros(0, dtype=int)
     catalogue = catalogue_of(
-        Stars.at_rest(star_ra[order], star_dec[order], np.full(len(order), star_mag))
+        Stars.without_proper_motion(star_ra[order], star_dec[order], np.full(len(order), star_mag))
     )
-    scene = Scene(scenario, seed, optics=binned(optics, made), catalogue=catalogue, world=made)
+    scene = Scene(
+        scenario, seed, optics=binned_optics(optics, made), catalogue=catalogue, world=made
+    )
     pixels, truth = scene.expose(
         float(ra), float(dec), 0.0, False, t, exposure_s, mount_path_arcsec
     )

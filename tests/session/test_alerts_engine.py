@@ -71,7 +71,7 @@ def test_its_safe_end_is_told_by_the_service_that_works_and_the_session_is_whole
     engine.send_signal(signal.SIGTERM)
     assert engine.wait(60) == 0
     wait_for(lambda: "rsoconsole Daytona Beach (simulated): done" in titles(server))
-    about = SessionReader(tmp_path / "session").about()
+    about = SessionReader(tmp_path / "session").read_meta()
     assert about["is_closed"] is True
     told = json.dumps(about) + (tmp_path / "session" / "config.toml").read_text()
     logs = "".join(path.read_text() for path in (tmp_path / "STATE").rglob("*.log"))

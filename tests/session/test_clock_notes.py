@@ -7,10 +7,10 @@ import pytest
 
 from rsoconsole.library import Target, render_report, write_figures
 from rsoconsole.library.formats.api import to_ecsv
-from rsoconsole.library.formats.night import read_night
+from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.library.formats.tdm import to_tdm
 from rsoconsole.records import Event
-from rsoconsole.session import SessionReader, clock_notes, encode
+from rsoconsole.session import SessionReader, clock_fault_lines, encode
 from tests.cli.test_damaged_rows import SAMPLE, change
 
 FAULT = Event(
@@ -34,14 +34,14 @@ def night(tmp_path: Path) -> Path:
 
 
 def test_a_steady_night_has_nothing_to_say_of_its_clock():
-    assert clock_notes(SessionReader(SAMPLE)) == ()
-    assert read_night(SAMPLE).facts()["clock_faults"] == []
+    assert clock_fault_lines(SessionReader(SAMPLE)) == ()
+    assert read_exported_night(SAMPLE).table_metadata()["clock_faults"] == []
 
 
 def test_what_happened_to_the_clock_is_told_in_figures_tables_report_and_messages(night: Path):
-    assert clock_notes(SessionReader(night)) == (NOTE,)
-    exported = read_night(night)
-    assert exported.facts()["clock_faults"] == [NOTE]
+    assert clock_fault_lines(SessionReader(night)) == (NOTE,)
+    exported = read_exported_night(night)
+    assert exported.table_metadata()["clock_faults"] == [NOTE]
     assert NOTE in to_ecsv(exported)
     (track, *_) = exported.tracks
     tdm = to_tdm(exported, (track,), target=Target(), created_utc_ns=T_UTC_NS)

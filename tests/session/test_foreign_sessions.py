@@ -16,7 +16,7 @@ from rsoconsole.records import Event
 from rsoconsole.session import (
     SessionReader,
     archive_session,
-    cut_off_session,
+    find_cut_off_session,
     list_sessions,
     repair_session,
     verify_session,
@@ -74,7 +74,7 @@ def test_a_schema_that_is_no_text_any_more_is_damage_and_what_it_holds_is_saved(
     assert name + words in content
     database.write_bytes(content.replace(name + words, b"\xa1" + name[1:] + b"?" + words[1:]))
     with pytest.raises(SessionError, match="schema"):
-        SessionReader(foreign).about()
+        SessionReader(foreign).read_meta()
     assert not verify_session(foreign).is_sound
     assert [session.folder for session in list_sessions(foreign.parent)] == [foreign]
     recovered = repair_session(foreign, NOW_NS).recovered
@@ -115,7 +115,7 @@ def test_a_damaged_word_about_itself_breaks_no_listing_and_no_start(foreign, val
     listed = {each.folder.name: each.fault for each in list_sessions(foreign.parent)}
     assert listed["good"] is None
     assert "table meta" in (listed["foreign"] or "")
-    assert cut_off_session(foreign.parent, is_simulated=True) is None
+    assert find_cut_off_session(foreign.parent, is_simulated=True) is None
 
 
 VIEWS: dict[str, str] = {
@@ -125,7 +125,7 @@ VIEWS: dict[str, str] = {
     " NULL AS reason, NULL AS sha256",
 }
 READS: dict[str, Callable[[Path], object]] = {
-    "about": lambda folder: SessionReader(folder).about(),
+    "about": lambda folder: SessionReader(folder).read_meta(),
     "counts": lambda folder: SessionReader(folder).counts(),
     "records": lambda folder: list(SessionReader(folder).records()),
     "frame": lambda folder: SessionReader(folder).frame_path(1),
@@ -256,7 +256,7 @@ def test_a_row_that_names_no_file_of_the_session_names_none(foreign, path):
     reader = SessionReader(foreign)
     for place in (reader.frame_path(9), reader.preview_path(9), reader.closeup_path(9)):
         assert place is None
-    reader.not_kept_because(9)
+    reader.missing_pixels_reason(9)
     assert not verify_session(foreign).is_sound
 
 

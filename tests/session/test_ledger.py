@@ -81,7 +81,7 @@ def test_what_is_kept_comes_back_as_it_was(path: Path) -> None:
     assert found.objects[0].tracks == (track("monday"),)
     assert found.objects[1].tracks == (track("monday", 2, orbit=None),)
     assert found.objects[1].called == "UCT 2"
-    assert found.number_of("monday", 2) == 2
+    assert found.number_of_track("monday", 2) == 2
 
 
 def test_a_track_that_is_kept_again_takes_its_own_place(path: Path) -> None:
@@ -100,7 +100,7 @@ def test_a_number_is_never_given_twice(path: Path) -> None:
     assert [each.called for each in found.objects] == ["the drifter"]
     assert found.next_number == 3
     with pytest.raises(SessionError, match="no UCT 2; there are: 1"):
-        found.named(2)
+        found.object_by_number(2)
 
 
 @pytest.mark.parametrize("name", ["x" * 41, "a\nb", "\x1b[31m"])

@@ -7,14 +7,19 @@ from typer.testing import CliRunner
 
 from rsoconsole.base import SessionError, resources
 from rsoconsole.cli.app import app
-from rsoconsole.session import SessionReader, list_sessions, sample_copy, verify_session
+from rsoconsole.session import (
+    SessionReader,
+    get_or_copy_sample_session,
+    list_sessions,
+    verify_session,
+)
 from rsoconsole.session.upkeep.store import SAMPLE_NAME
 from tests.nights.samples import SAMPLE
 
 
 def test_it_is_copied_once_whole_and_can_be_written(tmp_path: Path) -> None:
     root = tmp_path / "sessions"
-    folder = sample_copy(root)
+    folder = get_or_copy_sample_session(root)
     assert folder == root / SAMPLE_NAME
     assert SessionReader(folder).counts() == SessionReader(SAMPLE).counts()
     assert verify_session(folder).state == "closed"
@@ -23,7 +28,7 @@ def test_it_is_copied_once_whole_and_can_be_written(tmp_path: Path) -> None:
     assert [path.name for path in root.iterdir()] == [SAMPLE_NAME]
     assert [each.folder for each in list_sessions(root)] == [folder]
     (folder / "mine.txt").write_text("kept")
-    assert sample_copy(root) == folder
+    assert get_or_copy_sample_session(root) == folder
     assert (folder / "mine.txt").exists()
 
 
@@ -37,7 +42,7 @@ def test_that_of_a_wheel_which_nobody_may_write_is_the_user_s_afterwards(
     for path in package.rglob("*"):
         path.chmod(0o555 if path.is_dir() else 0o444)
     monkeypatch.setattr(resources, "_PACKAGE", package)
-    folder = sample_copy(tmp_path / "sessions")
+    folder = get_or_copy_sample_session(tmp_path / "sessions")
     assert all(path.stat().st_mode & 0o200 for path in (folder, *folder.rglob("*")))
     for path in package.rglob("*"):
         path.chmod(0o755 if path.is_dir() else 0o644)
@@ -46,7 +51,7 @@ def test_that_of_a_wheel_which_nobody_may_write_is_the_user_s_afterwards(
 def test_a_folder_that_takes_nothing_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SessionError, match=r"set session\.root"):
-        sample_copy(tmp_path / "file")
+        get_or_copy_sample_session(tmp_path / "file")
 
 
 def test_review_opens_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,7 +34,7 @@ from rsoconsole.session.log.database import (
     connect_to_read,
     connect_to_write,
 )
-from rsoconsole.session.writing.log_writer import Rescue, rescue_places
+from rsoconsole.session.writing.log_writer import RescueSession, rescue_places
 
 T0_UTC_NS = 1_687_400_000_000_000_000
 
@@ -218,7 +218,7 @@ def test_a_session_whose_end_lies_elsewhere_is_not_called_complete(session, tmp_
         writer.close(6.0)
         holder.execute("ROLLBACK")
     assert any("rescue session" in fault and "alone" in fault for fault in writer.faults)
-    assert SessionReader(session).about()["is_closed"] is False
+    assert SessionReader(session).read_meta()["is_closed"] is False
 
 
 @pytest.fixture
@@ -228,9 +228,9 @@ def split(session: Path, tmp_path: Path) -> tuple[Path, Path]:
     for n in range(1, 9):
         writer.append(said(n), T0_UTC_NS + n)
     writer.close()
-    facts_of = {**SessionReader(session).about(), "is_closed": False}
+    facts_of = {**SessionReader(session).read_meta(), "is_closed": False}
     del facts_of["writer"], facts_of["log_digest"]
-    rescue = Rescue(session, facts_of, b"")
+    rescue = RescueSession(session, facts_of, b"")
     with closing(connect_to_write(session / "session.db")) as connection:
         newest = connection.execute("SELECT * FROM log WHERE seq > 3").fetchall()
         connection.execute("DELETE FROM log WHERE seq > 3")
@@ -251,7 +251,7 @@ def test_repair_brings_a_rescue_back_into_its_session(split, named):
     assert (merged.session, merged.records) == (session, 5)
     assert texts(session) == facts(1, 8)
     assert verify_session(session).is_sound
-    assert SessionReader(session).about()["is_closed"] is True
+    assert SessionReader(session).read_meta()["is_closed"] is True
     assert not rescue.exists()
     assert read_notes(session)[-1]["verb"] == "merge"
     assert not repair_session(session, T0_UTC_NS).did_anything
@@ -392,7 +392,7 @@ def test_no_empty_folder_stays_where_a_rescue_could_not_be_or_is_needed_no_more(
 ):
     home = tmp_path / "home"
     home.mkdir()
-    rescue = Rescue(tmp_path / "night", {}, b"", lambda: [home / "rescue"])
+    rescue = RescueSession(tmp_path / "night", {}, b"", lambda: [home / "rescue"])
     monkeypatch.setattr("rsoconsole.session.writing.log_writer.MIN_BYTES", 10**18)
     assert not rescue.begin()
     assert list(home.iterdir()) == []

@@ -75,7 +75,7 @@ def test_a_table_has_its_columns_and_units_also_where_it_is_empty(
     named = {column.name.replace("_utc_ns", "_utc"): column for column in table.columns}
     assert [name for name in found.colnames if name != "direction"] == list(named)
     assert list(frame.columns) == list(named)
-    assert len(found) == len(frame) == len(night._reader.view(table.name))
+    assert len(found) == len(frame) == len(night._reader.view_rows(table.name))
     for name, column in named.items():
         unit = getattr(found[name], "unit", None)
         is_quantity = not (column.shape or column.name.endswith("_utc_ns"))
@@ -160,13 +160,13 @@ def test_it_is_of_todays_schema_and_verifies_without_a_fault() -> None:
 
 
 def test_every_frame_has_its_hash_and_what_was_pruned_is_said(reader: SessionReader) -> None:
-    rows = reader.view("frames")
+    rows = reader.view_rows("frames")
     assert len(rows) == FRAMES
     assert all(re.fullmatch("[0-9a-f]{64}", row["file_sha256"]) for row in rows)
     kept = [r["frame_id"] for r in rows if reader.frame_path(r["frame_id"]) is not None]
     assert kept == list(TAU_AT)
-    assert reader.not_kept_because(9) is None
-    assert "pruned on 2023-06-23" in (reader.not_kept_because(8) or "")
+    assert reader.missing_pixels_reason(9) is None
+    assert "pruned on 2023-06-23" in (reader.missing_pixels_reason(8) or "")
 
 
 def test_the_notebook_counts_the_pixels_that_are_there() -> None:

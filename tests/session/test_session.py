@@ -50,7 +50,7 @@ from rsoconsole.records import (
     TrackState,
     Wcs,
 )
-from rsoconsole.records.columns import documentation
+from rsoconsole.records.columns import tables_markdown
 from rsoconsole.session import (
     SessionReader,
     SessionWriter,
@@ -62,7 +62,7 @@ from rsoconsole.session.log.codec import KINDS
 from rsoconsole.session.log.schema import SCHEMA_VERSION, VIEWS
 from rsoconsole.session.upkeep.store import size_bytes
 from rsoconsole.session.writing import writer as writer_module
-from rsoconsole.session.writing.worker import Faults
+from rsoconsole.session.writing.worker import RecordingFaults
 from tests.nights.leap_samples import leap_of, pass_of
 from tests.nights.orbit_night import estimate_of, identified_of
 from tests.nights.pair_records import expected_of, pair_of, pairs_of, unseen_of
@@ -290,7 +290,7 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         writer.append(record, T0_UTC_NS)
     writer.flush()
     reader = SessionReader(folder)
-    rows = {name: reader.view(name) for name in VIEWS}
+    rows = {name: reader.view_rows(name) for name in VIEWS}
     assert {name: len(found) for name, found in rows.items()} == {
         **dict.fromkeys(VIEWS, 1),
         "detections": 2,
@@ -346,14 +346,14 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
 
 def test_a_view_that_is_not_there_is_named(writer: SessionWriter, folder: Path) -> None:
     with pytest.raises(SessionError, match="no view 'sqlite_master'; it has frames"):
-        SessionReader(folder).view("sqlite_master")
+        SessionReader(folder).view_rows("sqlite_master")
 
 
 def test_the_session_says_what_it_began_with(folder: Path) -> None:
     config = Config.model_validate({"detector": {"tau": 0.3}, "site": {"name": 'A "B" \\ é'}})
     SessionWriter.create(folder, config, {**ABOUT, "versions": {"numpy": "2"}}).close()
     reader = SessionReader(folder)
-    about = reader.about()
+    about = reader.read_meta()
     assert about["title"] == "test"
     assert about["versions"] == {"numpy": "2"}
     assert about["schema_version"] == SCHEMA_VERSION
@@ -558,7 +558,7 @@ def test_where_only_the_last_frames_are_kept_the_disk_they_take_is_bounded(folde
     assert len(list((folder / "frames").iterdir())) == writer_module.LAST_KEPT
     reader = SessionReader(folder)
     assert reader.frames_with_pixels() == kept
-    assert "of the last 12 frames alone" in str(reader.not_kept_because(1))
+    assert "of the last 12 frames alone" in str(reader.missing_pixels_reason(1))
     assert verify_session(folder).is_sound
 
 
@@ -624,7 +624,7 @@ def test_when_disk_is_short_frames_go_first_and_the_log_goes_on(folder: Path) ->
     assert writer.faults == tuple(alarms)
     reader = SessionReader(folder)
     assert reader.last_seq() == 1
-    assert "MB of disk are free" in reader.view("frames")[0]["not_kept_because"]
+    assert "MB of disk are free" in reader.view_rows("frames")[0]["not_kept_because"]
 
 
 def test_an_alarm_that_fails_does_not_end_the_record(folder: Path) -> None:
@@ -693,7 +693,7 @@ def test_a_full_disk_raises_nothing_and_loses_no_record_once_it_has_room(folder:
 
 
 def test_the_gravest_fault_is_named_first_whichever_came_first() -> None:
-    faults = Faults(None)
+    faults = RecordingFaults(None)
     for place in ("preview", "frame", "log"):
         faults.report(place, place)
     assert faults.texts() == ("log", "frame", "preview")
@@ -731,7 +731,7 @@ def test_a_killed_engine_leaves_every_record_that_was_flushed(folder: Path) -> N
     found = [seq for seq, _, _ in reader.records()]
     assert len(found) >= flushed
     assert found == list(range(1, len(found) + 1))
-    assert reader.about()["is_closed"] is False
+    assert reader.read_meta()["is_closed"] is False
     assert list_sessions(folder.parent)[0].fault is None
 
 
@@ -846,7 +846,7 @@ def test_the_documented_views_are_those_there_are_column_by_column(
     writer: SessionWriter, folder: Path
 ) -> None:
     text = (Path(__file__).parents[2] / "sessions" / "README.md").read_text(encoding="utf-8")
-    assert documentation() in text
+    assert tables_markdown() in text
     assert f"## The database (schema {SCHEMA_VERSION})" in text
     with sqlite3.connect(folder / "session.db") as connection:
         for name in VIEWS:

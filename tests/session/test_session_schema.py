@@ -58,7 +58,7 @@ def test_the_views_of_the_file_are_what_the_reader_gives(night: Path) -> None:
         connection.row_factory = sqlite3.Row
         for name in VIEWS:
             rows = connection.execute(f"SELECT * FROM {name} ORDER BY seq").fetchall()
-            assert [dict(row) for row in rows] == reader.view(name)
+            assert [dict(row) for row in rows] == reader.view_rows(name)
 
 
 def test_reading_a_session_changes_no_byte_of_it(tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_reading_a_session_changes_no_byte_of_it(tmp_path: Path) -> None:
     before = {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     reader = SessionReader(folder)
     for name in VIEWS:
-        reader.view(name)
+        reader.view_rows(name)
     assert {p.name: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
@@ -78,7 +78,7 @@ def test_every_file_carries_the_hash_of_its_bytes(night: Path) -> None:
     for path, size, sha256 in rows:
         content = (night / path).read_bytes()
         assert (len(content), hashlib.sha256(content).hexdigest()) == (size, sha256)
-    (kept,) = [row for row in SessionReader(night).view("frames") if row["file"]]
+    (kept,) = [row for row in SessionReader(night).view_rows("frames") if row["file"]]
     assert kept["file_sha256"] == hashlib.sha256((night / kept["file"]).read_bytes()).hexdigest()
 
 
@@ -89,7 +89,7 @@ def test_a_closed_session_carries_the_digest_of_its_log(night: Path) -> None:
     # As the documentation defines it, by hand.
     lines = [f"{s}|{t}|{k}|{'' if f is None else f}|{b}\n" for s, t, k, f, b in sorted(rows)]
     expected = hashlib.sha256("".join(lines).encode()).hexdigest()
-    assert reader.about()["log_digest"] == {"sha256": expected, "records": len(rows)}
+    assert reader.read_meta()["log_digest"] == {"sha256": expected, "records": len(rows)}
 
 
 @pytest.mark.skipif(shutil.which("sqlite3") is None, reason="sqlite3's shell is not installed")
@@ -100,7 +100,7 @@ def test_the_documented_commands_give_the_same_digest_and_hashes(night: Path) ->
         ["sh", "-eu", "-c", by_hand], cwd=night, capture_output=True, text=True, check=True
     )
     said = done.stdout.splitlines()
-    digest = SessionReader(night).about()["log_digest"]["sha256"]
+    digest = SessionReader(night).read_meta()["log_digest"]["sha256"]
     assert json.loads(said[0])["sha256"] == digest
     assert said[1].split() == [digest, "-"]
     assert len(said) == 2 + 13
@@ -128,7 +128,7 @@ def test_a_session_that_is_not_closed_has_no_digest(tmp_path: Path) -> None:
     writer = SessionWriter.create(tmp_path / "night", Config(), {})
     writer.append(Miss(frame_id=1, reason=Missed(kind="no detection")), 1)
     writer.flush()
-    assert "log_digest" not in SessionReader(tmp_path / "night").about()
+    assert "log_digest" not in SessionReader(tmp_path / "night").read_meta()
     writer.close()
 
 
@@ -139,13 +139,13 @@ def test_a_branch_shows_the_files_of_its_session_and_its_own_before_them(night: 
     writer.save_preview(2, np.zeros((4, 5), np.uint8))
     writer.close()
     reader = SessionReader(branch)
-    assert reader.branch_of == night.resolve()
+    assert reader.original_folder == night.resolve()
     assert reader.frame_path(3) == night.resolve() / "frames" / "000003.fits.fz"
     assert reader.frame_path(4) is None
     assert reader.closeup_path(1) == night.resolve() / "closeups" / "000001.png"
     assert reader.preview_path(1) == night.resolve() / "previews" / "000001.png"
     assert reader.preview_path(2) == branch / "previews" / "000002.png"
-    assert SessionReader(night).branch_of is None
+    assert SessionReader(night).original_folder is None
 
 
 @pytest.mark.parametrize("origin", [".", "nowhere", "../../../..", "/", "", 7, "../ring"])

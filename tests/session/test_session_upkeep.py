@@ -16,7 +16,7 @@ from rsoconsole.session import (
     PruningStep,
     SessionReader,
     archive_session,
-    cut_off_session,
+    find_cut_off_session,
     list_sessions,
     plan_pruning,
     prune,
@@ -26,7 +26,7 @@ from rsoconsole.session.files import upkeep_log as upkeep
 from rsoconsole.session.files.session_files import MANIFEST
 from rsoconsole.session.log.schema import SCHEMA_VERSION
 from rsoconsole.session.upkeep import archive as archive_module
-from rsoconsole.session.upkeep.store import branches_of, sweep_removed
+from rsoconsole.session.upkeep.store import finish_removals, list_branch_names
 from tests.nights.made_up_night import begin
 from tests.rigs.session_rig import NOW_UTC_NS, cut_off, damage, flip, make
 
@@ -67,7 +67,7 @@ def test_an_archive_is_the_session_read_back_and_the_session_again_when_unpacked
     )
     assert verify_session(unpacked).findings == []
     assert list(SessionReader(unpacked).records()) == list(SessionReader(night).records())
-    assert branches_of(unpacked) == ("narrow",)
+    assert list_branch_names(unpacked) == ("narrow",)
     assert [note["verb"] for note in upkeep.read_notes(unpacked)] == ["archive"]
 
 
@@ -194,7 +194,7 @@ def test_no_more_goes_than_it_takes_until_so_much_is_free(nights, monkeypatch) -
 
 
 def test_what_is_kept_live_cut_off_damaged_or_branched_from_is_never_touched(nights) -> None:
-    upkeep.keep(nights / "age6", "first light")
+    upkeep.protect_from_pruning(nights / "age6", "first light")
     cut_off(nights / "age5")
     (nights / "age4" / "session.db").write_bytes(b"x" * 5000)
     begin(nights / "age3" / "branches" / "narrow", branch_of="../..").close()
@@ -213,7 +213,7 @@ def test_what_is_kept_live_cut_off_damaged_or_branched_from_is_never_touched(nig
     prune(steps, policy, NOW_UTC_NS)
     live.close()
     assert sorted(p.name for p in nights.iterdir()) == ["age3", "age4", "age5", "age6", "live"]
-    upkeep.release(nights / "age6")
+    upkeep.allow_pruning(nights / "age6")
     assert "age6" in going(plan_pruning(nights, policy, NOW_UTC_NS))
 
 
@@ -264,12 +264,12 @@ def test_pruning_that_is_cut_after_its_note_is_finished_the_next_time(nights, mo
 def test_a_removal_that_was_cut_is_no_session_any_more_and_is_swept(nights) -> None:
     (nights / "age6").rename(nights / ".removed-age6")
     assert len(list_sessions(nights)) == 5
-    sweep_removed(nights)
+    finish_removals(nights)
     assert not (nights / ".removed-age6").exists()
 
 
 def test_the_list_says_what_a_night_was_and_what_became_of_it(nights) -> None:
-    upkeep.keep(nights / "age1", "")
+    upkeep.protect_from_pruning(nights / "age1", "")
     begin(nights / "age2" / "branches" / "wide", branch_of="../..").close()
     first, second, *_ = list_sessions(nights)
     assert (first.frames, first.state, first.is_kept, first.schema) == (
@@ -279,7 +279,7 @@ def test_the_list_says_what_a_night_was_and_what_became_of_it(nights) -> None:
         SCHEMA_VERSION,
     )
     # Of four frames two were empty, a track begins with its second measurement.
-    tracked = {row["frame_id"] for row in SessionReader(nights / "age1").view("track")}
+    tracked = {row["frame_id"] for row in SessionReader(nights / "age1").view_rows("track")}
     assert first.followed_frames == len(tracked) > 0
     assert first.followed_share == len(tracked) / 4
     assert first.duration_s == pytest.approx(120.0, abs=35.0)
@@ -289,8 +289,8 @@ def test_the_list_says_what_a_night_was_and_what_became_of_it(nights) -> None:
 def test_the_newest_session_whose_engine_did_not_close_it_is_what_the_next_one_continues(
     night: Path, tmp_path: Path
 ) -> None:
-    assert cut_off_session(tmp_path / "nowhere", is_simulated=True) is None
-    assert cut_off_session(tmp_path, is_simulated=True) is None
+    assert find_cut_off_session(tmp_path / "nowhere", is_simulated=True) is None
+    assert find_cut_off_session(tmp_path, is_simulated=True) is None
     left = tmp_path / "left"
     shutil.copytree(night, left)
     cut_off(left)
@@ -300,8 +300,8 @@ def test_the_newest_session_whose_engine_did_not_close_it_is_what_the_next_one_c
 
     written_at(night, 1000)
     written_at(left, 2000)
-    assert cut_off_session(tmp_path, is_simulated=True) == left
-    assert cut_off_session(tmp_path, is_simulated=False) is None
+    assert find_cut_off_session(tmp_path, is_simulated=True) == left
+    assert find_cut_off_session(tmp_path, is_simulated=False) is None
     # A later one was closed.
     written_at(night, 3000)
-    assert cut_off_session(tmp_path, is_simulated=True) is None
+    assert find_cut_off_session(tmp_path, is_simulated=True) is None

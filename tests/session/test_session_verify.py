@@ -27,7 +27,7 @@ from rsoconsole.session import (
     verify_session,
 )
 from rsoconsole.session.files import upkeep_log as upkeep
-from rsoconsole.session.log.pages import Pages
+from rsoconsole.session.log.pages import DatabasePages
 from rsoconsole.session.log.schema import SCHEMA_VERSION
 from rsoconsole.session.upkeep._recover import recover_session
 from tests.nights.samples import SAMPLE
@@ -166,7 +166,7 @@ def test_a_process_number_that_now_is_another_s_does_not_make_a_session_live(
     other = {"pid": 2**22 - 1, "boot_id": "of another machine", "start_ticks": 1}[mark]
     cut_off(night)
     writer = SessionWriter.create(night.parent / "mine", Config(), {})
-    own = SessionReader(night.parent / "mine").about()["writer"]
+    own = SessionReader(night.parent / "mine").read_meta()["writer"]
     writer.close()
     with closing(sqlite3.connect(night / "session.db")) as connection, connection:
         for value, state in (({**own, mark: other}, "cut off"), (own, "live")):
@@ -262,7 +262,7 @@ def test_a_damaged_database_is_saved_beside_and_left_as_it_is(
     assert all(each.severity == "remark" for each in found.findings), found.findings
     reader = SessionReader(saved.folder)
     assert reader.config() == Config()
-    assert reader.about()["recovered_from"] == "night"
+    assert reader.read_meta()["recovered_from"] == "night"
     assert [reader.frame_path(n) is not None for n in range(1, 6)] == [True] * 4 + [False]
     again = repair_session(night, NOW_UTC_NS)
     assert again.recovered == replace(saved, is_new=False)
@@ -303,7 +303,7 @@ def test_pages_say_the_same_rows_as_sqlite(rows, page_bytes: int) -> None:
                 connection.execute("INSERT INTO by_key VALUES (?, ?, ?, ?, 1)", (key, *row))
             expected = set(connection.execute("SELECT id, NULL, a, b, c FROM by_id"))
             keyed = set(connection.execute("SELECT k, a, b, c, d FROM by_key"))
-            found = list(Pages(path, Path(f"{path}-wal")).rows())
+            found = list(DatabasePages(path, Path(f"{path}-wal")).rows())
     # Older images of a page stay in the log: what is found is what was put in, once or more.
     assert {(rowid, *fields) for rowid, fields in found if len(fields) == 4} == expected
     assert {fields for rowid, fields in found if rowid is None and len(fields) == 5} == keyed
@@ -315,7 +315,7 @@ def test_a_session_whose_meta_lost_its_schema_is_saved_with_it(tmp_path: Path) -
     with closing(sqlite3.connect(night / "session.db")) as connection, connection:
         connection.execute("DELETE FROM meta WHERE key = 'schema_version'")
     saved = recover_session(night, 0)
-    assert SessionReader(saved.folder).about()["schema_version"] == SCHEMA_VERSION
+    assert SessionReader(saved.folder).read_meta()["schema_version"] == SCHEMA_VERSION
     before = [record for _, _, record in SessionReader(SAMPLE).records()]
     assert [record for _, _, record in SessionReader(saved.folder).records()] == before
 

@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_past
+from rsoconsole.engine.tasks.session_log import keep_uncorrelated, read_earlier_tracks
 from rsoconsole.orbits import ElementSet, correlate_tracks, mid_track_direction_and_rates
-from rsoconsole.pipeline import keep_night
-from rsoconsole.pipeline.orbits._naming import Naming
+from rsoconsole.pipeline import keep_unknown_tracks
+from rsoconsole.pipeline.orbits._naming import TrackIdentifier
 from rsoconsole.records import Identified
 from rsoconsole.session import SessionWriter, ledger_path, read_ledger
 from rsoconsole.words import NS_PER_DAY
@@ -107,7 +107,7 @@ def test_a_satellite_of_no_catalogue_is_recognised_the_next_night_and_the_one_af
     assert [track["session"] for track in one["tracks"]] == ["monday", "tuesday", "wednesday"]
     assert [track["session"] for track in two["tracks"]] == ["tuesday", "wednesday"]
     # Three nights in one orbit know its size far better than the belief of the first.
-    known = read_ledger().named(1).last.orbit
+    known = read_ledger().object_by_number(1).last.orbit
     assert known is not None
     assert known.nights == 3
     assert known.sigma_a_km < 0.5
@@ -140,7 +140,7 @@ def test_a_simulated_night_fills_no_operators_ledger(tmp_path: Path, tle: Path) 
     assert run("ledger")[0] == []
     (only,), _ = run("ledger", "list", "--simulated")
     assert only["last"]["is_simulated"] is True
-    assert read_past(is_simulated=True) == (None, None)
+    assert read_earlier_tracks(is_simulated=True) == (None, None)
 
 
 def test_an_object_is_shown_renamed_and_forgotten(tmp_path: Path, tle: Path) -> None:
@@ -187,8 +187,8 @@ def test_pages_fit_and_say_what_was_kept(tmp_path: Path, tle: Path) -> None:
 def test_the_night_of_an_engine_is_kept_by_what_is_on_record(tmp_path: Path) -> None:
     keep_uncorrelated(night(tmp_path / "monday", 0.0, STRANGER, OTHER, verdict="unknown"))
     assert [each.number for each in read_ledger().objects] == [1, 2]
-    keep_night(night(tmp_path / "tuesday", 1.0, STRANGER, verdict="ambiguous"))
-    keep_night(night(tmp_path / "friday", 1.0, STRANGER))  # compared with no catalogue
+    keep_unknown_tracks(night(tmp_path / "tuesday", 1.0, STRANGER, verdict="ambiguous"))
+    keep_unknown_tracks(night(tmp_path / "friday", 1.0, STRANGER))  # compared with no catalogue
     assert [len(each.tracks) for each in read_ledger().objects] == [1, 1]
 
 
@@ -196,7 +196,7 @@ def test_a_damaged_ledger_stops_no_night_and_is_said(tmp_path: Path, tle: Path) 
     keep_uncorrelated(night(tmp_path / "monday", 0.0, STRANGER, verdict="unknown"))
     path = ledger_path()
     path.write_bytes(path.read_bytes() + b"\xffbroken\n")
-    past, fault = read_past(is_simulated=False)
+    past, fault = read_earlier_tracks(is_simulated=False)
     assert past is not None
     assert fault is not None
     assert "line 3 cannot be read" in fault
@@ -209,20 +209,23 @@ def test_a_damaged_ledger_stops_no_night_and_is_said(tmp_path: Path, tle: Path) 
 
 def test_a_track_is_named_by_the_ledger_while_it_is_followed(tmp_path: Path, tle: Path) -> None:
     keep_uncorrelated(night(tmp_path / "monday", 0.0, STRANGER, verdict="unknown"))
-    past, _ = read_past(is_simulated=False)
+    past, _ = read_earlier_tracks(is_simulated=False)
     site = {"latitude_deg": 29.19, "longitude_deg": -81.05, "elevation_m": 10.0}
     config = Config.model_validate({"site": site, "catalogue": {"tle_files": [str(tle)]}})
     random = np.random.default_rng(2)
     ours, theirs = (
         seen(each, instants(DAY_S, 20), random=random, site=DAYTONA) for each in (STRANGER, OTHER)
     )
-    found = Naming(config, past).ask(9, {1: ours, 2: theirs}, {1, 2})
+    found = TrackIdentifier(config, past).identify_due_tracks(9, {1: ours, 2: theirs}, {1, 2})
     names = {each.track_id: each.ledger for each in found}
     assert names[2] is None
     assert names[1] is not None
     assert (names[1].number, names[1].name, names[1].is_sure) == (1, "UCT 1", True)
     assert found[0].reason.startswith("UCT 1, seen 2023-06-22: no catalogued object")
-    assert all(each.ledger is None for each in Naming(config).ask(9, {1: ours}, {1}))
+    assert all(
+        each.ledger is None
+        for each in TrackIdentifier(config).identify_due_tracks(9, {1: ours}, {1})
+    )
 
 
 def test_an_attributable_is_where_it_is_and_moves_as_it_does() -> None:

@@ -14,12 +14,12 @@ from rsoconsole.simulator import (
     FieldContent,
     SensorModel,
     Streak,
-    cloud_at,
     frame_rng,
+    image_motion_kernel,
     render,
-    smear,
     straight_streak,
     streak_points,
+    transmission_at,
     vignetting,
 )
 from rsoconsole.simulator.camera.psf import add_points
@@ -219,7 +219,7 @@ def test_the_cloud_map_and_the_sky_agree_on_where_a_cloud_is():
     content = FieldContent(cloud_transmission=grid, cloud_glow=1.0, sky_electrons_px=100.0)
     image = expected_electrons(PLAIN, content)
     x = np.arange(0.0, 320.0, 13.0)
-    through = cloud_at(PLAIN, grid, x, np.full(len(x), 77.0))
+    through = transmission_at(PLAIN, grid, x, np.full(len(x), 77.0))
     assert image[77, x.astype(int)] == pytest.approx(100.0 * (2.0 - through), rel=1e-4)
 
 
@@ -283,7 +283,7 @@ def test_a_shaken_image_keeps_its_light_its_middle_and_the_width_of_its_way():
         way = rng.normal(0.0, rng.uniform(0.1, 6.0), (2, 50))
         share = rng.uniform(0.1, 1.0, 50)
         share /= share.sum()
-        kernel = smear(np.stack([*way, np.zeros(50), share])).astype(float)
+        kernel = image_motion_kernel(np.stack([*way, np.zeros(50), share])).astype(float)
         assert kernel.sum() == pytest.approx(1.0, abs=1e-6)
         offset = np.arange(len(kernel)) - len(kernel) // 2
         for axis, along in ((0, kernel.sum(axis=0)), (1, kernel.sum(axis=1))):

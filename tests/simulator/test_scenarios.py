@@ -9,10 +9,10 @@ from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig, SearchConfig
 from rsoconsole.orbits import Satellite
 from rsoconsole.simulator import DAYTONA_BEACH, DEFAULT_SCENARIO, all_scenarios, scenario_named
-from rsoconsole.simulator.sky.brightness import BrightnessHistory, Turning
+from rsoconsole.simulator.sky.brightness import BrightnessHistory, PeriodicFading
 from rsoconsole.sky import (
     altaz_of_hour_angle,
-    belt_declination_deg,
+    geo_belt_declination_deg,
     hour_angle_icrs_deg,
     icrs_of_hour_angle,
     icrs_to_altaz,
@@ -67,7 +67,7 @@ def test_the_telescope_starts_on_the_belt_above_25_deg_and_within_the_shipped_st
         scenario.site, scenario.start_hour_angle_deg, scenario.start_declination_deg
     )
     assert altitude > 25.0
-    belt = belt_declination_deg(scenario.site, scenario.start_hour_angle_deg)
+    belt = geo_belt_declination_deg(scenario.site, scenario.start_hour_angle_deg)
     a_sixth_of_a_field_deg = 0.2
     assert scenario.start_declination_deg == pytest.approx(belt, abs=a_sixth_of_a_field_deg)
 
@@ -109,7 +109,7 @@ def test_a_sweep_of_the_belt_meets_the_target_after_a_few_frames_and_no_other_be
     for field in (0, 1, -1, 2, -2):
         hour_angle = scenario.start_hour_angle_deg - field * search.belt_step_fields * width_deg
         t = scenario.t_start_utc_ns + 60 * NS
-        declination = belt_declination_deg(scenario.site, hour_angle)
+        declination = geo_belt_declination_deg(scenario.site, hour_angle)
         ra, dec = icrs_of_hour_angle(scenario.site, hour_angle, declination, t)
         inside = set()
         for each in scenario.satellites:
@@ -216,7 +216,9 @@ def test_the_bank_of_clouds_hides_everything_for_ten_minutes(seed):
 
 
 def test_a_seed_moves_the_fades_and_nothing_before_the_first_one():
-    turning = Turning(period_s=300.0, first_s=290.0, depth_mag=3.0, jitter_s=20.0, last_s=700.0)
+    turning = PeriodicFading(
+        period_s=300.0, first_s=290.0, depth_mag=3.0, jitter_s=20.0, last_s=700.0
+    )
     t_s = np.linspace(0.0, 1200.0, 2401)
     middles = []
     for seed in range(1, 20):

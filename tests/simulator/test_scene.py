@@ -100,7 +100,7 @@ def test_the_plate_agrees_with_astropy(monkeypatch):
     from astropy.wcs import WCS
 
     monkeypatch.setattr(scene_module, "SHUTTER_SIGMA_S", 0.0)
-    monkeypatch.setattr(scene_module, "air_sigma_arcsec", lambda _exposure_s: 0.0)
+    monkeypatch.setattr(scene_module, "atmospheric_shift_sigma_arcsec", lambda _exposure_s: 0.0)
     _, _, truth = exposed("intelsat-14")
     theirs = WCS(Header(truth.wcs_cards))
     for satellite in truth.satellites:
@@ -374,8 +374,8 @@ def test_the_milky_way_is_crowded_and_the_pole_is_not():
 
 def test_beyond_the_shipped_stars_the_sky_is_empty_and_says_so():
     scene = Scene(scenario_named("empty"), 1, optics=SMALL)
-    assert scene.sky_notice(-4.8) is None
-    assert "stars end at +12 deg" in scene.sky_notice(40.0)
+    assert scene.empty_sky_message(-4.8) is None
+    assert "stars end at +12 deg" in scene.empty_sky_message(40.0)
     _, t = aim("empty", 0.0)
     _, truth = scene.expose(100.0, 40.0, 0.0, False, t, 10.0)
     assert truth.stars == 0

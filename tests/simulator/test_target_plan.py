@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.base import ConfigError, OrbitError, SolverError
-from rsoconsole.cli.demo._demo_targets import plan_targets, planned_config
+from rsoconsole.cli.demo._demo_targets import config_for_plan, plan_targets
 from rsoconsole.cli.demo.demo import demo_config
-from rsoconsole.cli.words.options import site_of
+from rsoconsole.cli.words.options import parse_site
 from rsoconsole.config import OpticsConfig
 from rsoconsole.orbits import Satellite, find_object, parse_catalogue
 from rsoconsole.records import Site
@@ -25,12 +25,12 @@ from rsoconsole.simulator import (
 from rsoconsole.simulator.camera.rendering import expected_electrons
 from rsoconsole.simulator.camera.sensor import pixel_defects
 from rsoconsole.simulator.nights.night_plan import (
-    cadence_for,
-    exposure_for,
+    exposure_for_rate_s,
+    ground_rate_cadence_s,
     plan_of_table,
-    scenario_of,
+    scenario_from_plan,
 )
-from rsoconsole.simulator.sky.other_objects import Nearby
+from rsoconsole.simulator.sky.other_objects import NearbySatelliteSearch
 from rsoconsole.simulator.sky.passes import ExposureGeometry, satellite_passes
 from rsoconsole.sky import (
     hour_angle_icrs_deg,
@@ -60,7 +60,9 @@ def mixed_config(tmp_path, monkeypatch):
     path = tmp_path / "mixed.tle"
     path.write_text(TRANSCRIBED)
     config = demo_config(DAYTONA_BEACH, preset="tuned", keep_frames="none", catalogue=[path])
-    monkeypatch.setattr("rsoconsole.cli.demo._demo_targets.whole_sky_stars", lambda _config: None)
+    monkeypatch.setattr(
+        "rsoconsole.cli.demo._demo_targets.whole_sky_index_file", lambda _config: None
+    )
     return config
 
 
@@ -104,7 +106,7 @@ def test_several_targets_are_all_in_the_first_frame_and_the_others_of_the_file_t
     exposure = first_exposure(plan, LATENCY_S, 3)
     seen = {each["norad_id"] for each in exposure["satellites"] if each["is_in_frame"]}
     assert {49332, 42432} <= seen
-    assert len(scenario_of(plan).satellites) == 13, "every object of the file is there"
+    assert len(scenario_from_plan(plan).satellites) == 13, "every object of the file is there"
 
 
 def test_a_plan_crosses_to_another_process(config):
@@ -116,7 +118,7 @@ def test_a_given_time_is_used_as_it_is(config):
     at = "2023-06-23T05:30:00Z"
     plan = plan_targets(["36097"], config, at=at, seed=1, frames=5)
     assert plan.t_start_utc_ns == 1_687_498_200 * NS
-    settings = planned_config(config, plan)
+    settings = config_for_plan(config, plan)
     assert (settings.exposure.exposure_s, settings.exposure.cadence_s) == (10.0, 30.0)
     assert settings.search.pattern == "stay"
 
@@ -144,7 +146,7 @@ def test_what_cannot_be_seen_is_refused_with_the_condition_that_fails(
     config, wanted, at, site, words
 ):
     if site is not None:
-        there = demo_config(site_of(site), preset="tuned", keep_frames="none", catalogue=[BELT])
+        there = demo_config(parse_site(site), preset="tuned", keep_frames="none", catalogue=[BELT])
         config = there
     with pytest.raises(ConfigError, match=words):
         plan_targets(wanted, config, at=at, seed=1, frames=5)
@@ -179,7 +181,7 @@ def test_an_unclear_name_lists_the_candidates(config):
     ],
 )
 def test_a_site_is_read_as_it_is_written(text, site):
-    found = site_of(text)
+    found = parse_site(text)
     assert found.longitude_deg == pytest.approx(site.longitude_deg)
     assert (found.latitude_deg, found.elevation_m) == (site.latitude_deg, site.elevation_m)
 
@@ -187,29 +189,29 @@ def test_a_site_is_read_as_it_is_written(text, site):
 @pytest.mark.parametrize("text", ["here", "95,0,0", "10,400,0", "10,20,30,40", "10,20,99999"])
 def test_what_is_no_site_is_refused(text):
     with pytest.raises(ConfigError, match="--site"):
-        site_of(text)
+        parse_site(text)
 
 
 def test_exposures_keep_streaks_short_and_the_target_in_the_field():
     scale, short_deg = OpticsConfig().scale_arcsec_px, min(OpticsConfig().field_deg)
     rates = [6.5, 15.0, 37.0, 167.0, 2000.0]
-    exposures = [exposure_for(rate, scale) for rate in rates]
+    exposures = [exposure_for_rate_s(rate, scale) for rate in rates]
     assert exposures[:3] == [11.0, 10.0, 10.0]
-    assert exposure_for(1.0, scale) == 30.0, "slower ones make no streak at all"
-    assert cadence_for(1.0, short_deg, 30.0) == 35.0
+    assert exposure_for_rate_s(1.0, scale) == 30.0, "slower ones make no streak at all"
+    assert ground_rate_cadence_s(1.0, short_deg, 30.0) == 35.0
     for rate, exposure_s in zip(rates, exposures, strict=True):
         assert rate * exposure_s <= 300.0 * scale
     assert all(a >= b for a, b in pairwise(exposures))
-    assert cadence_for(0.01, short_deg) == 30.0
+    assert ground_rate_cadence_s(0.01, short_deg) == 30.0
     for rate in (50.0, 100.0):
-        assert cadence_for(rate, short_deg) * rate / 3600 <= 0.25 * short_deg
-    assert cadence_for(2000.0, short_deg) == 6.0
+        assert ground_rate_cadence_s(rate, short_deg) * rate / 3600 <= 0.25 * short_deg
+    assert ground_rate_cadence_s(2000.0, short_deg) == 6.0
 
 
 def test_nobody_who_crosses_a_frame_is_passed_over():
     """The quick choice against the exact places of everybody, also of the fast."""
     everybody = [Satellite(each) for each in parse_catalogue(TRANSCRIBED)]
-    nearby, sensor = Nearby(everybody), SensorModel()
+    nearby, sensor = NearbySatelliteSearch(everybody), SensorModel()
     rng = np.random.default_rng(8)
     crossed = chosen = 0
     for _ in range(60):

@@ -7,7 +7,7 @@ import pytest
 
 from models.world_settings import README, with_table
 from rsoconsole.base import ConfigError
-from rsoconsole.config import limits_of
+from rsoconsole.config import allowed_words
 from rsoconsole.simulator import (
     DEFAULT_WORLD,
     LAWS,
@@ -31,7 +31,10 @@ def test_a_world_is_read_from_toml_and_written_so_that_it_reads_back_the_same(tm
     path = tmp_path / "windy.toml"
     path.write_text("[wind]\nrms_px = 1.5\n[sensor]\nbayer = true\nbits = 14\n", encoding="utf-8")
     world = load_world(path)
-    assert world.named() == {"wind": {"rms_px": 1.5}, "sensor": {"bayer": True, "bits": 14}}
+    assert world.non_default_settings() == {
+        "wind": {"rms_px": 1.5},
+        "sensor": {"bayer": True, "bits": 14},
+    }
     for each in (world, random_world(3)):
         path.write_text(world_to_toml(each), encoding="utf-8")
         assert load_world(path) == each
@@ -126,7 +129,7 @@ def test_a_low_satellite_crosses_a_tenth_of_the_frames():
 
 def test_settings_of_one_group_are_named_together():
     for seed in TWO_HUNDRED_SEEDS:
-        flash = random_world(seed).named().get("satellite", {})
+        flash = random_world(seed).non_default_settings().get("satellite", {})
         assert len(flash) in {0, 3}
 
 
@@ -139,7 +142,7 @@ def test_every_setting_says_what_it_is():
     for name, setting in settings_of_worlds().items():
         assert setting.description
         assert setting.default is not None or setting.json_schema_extra["own"]
-        assert limits_of(setting) or isinstance(value_of(World(), name), bool)
+        assert allowed_words(setting) or isinstance(value_of(World(), name), bool)
 
 
 def test_the_documentation_is_the_code():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.simulator.mount.mount_model import MountModel, MountUnrest
+from rsoconsole.simulator.mount.mount_model import MountCreepAndJumps, MountModel
 from rsoconsole.sky import pixel_to_sky, sky_to_pixel, wcs_from_cards
 from tests.rigs.world_rig import (
     FOUR_STARS,
@@ -35,7 +35,7 @@ def mount(**unrest):
         t_utc_ns=T0_UTC_NS,
         ra_date_deg=200.0,
         dec_date_deg=-5.0,
-        unrest=MountUnrest(1, T0_UTC_NS, **unrest),
+        unrest=MountCreepAndJumps(1, T0_UTC_NS, **unrest),
     )
 
 
@@ -155,7 +155,7 @@ def test_a_mount_that_settles_trails_the_beginning_of_an_exposure(monkeypatch, s
     arrived_s = slewing.slew(210.0, -5.0, T0_UTC_NS)
     arrival = T0_UTC_NS + round(arrived_s * NS)
     assert not slewing.instant(arrival + 1).is_slewing
-    path = slewing.unrest_path_arcsec(arrival, arrival + 10 * NS)
+    path = slewing.creep_and_jump_path_arcsec(arrival, arrival + 10 * NS)
     # It still lacks 20 arcsec of its way east, and gets there within six of the ten seconds.
     assert path[0, 0] - path[0, -1] == pytest.approx(-20.0, abs=0.1)
     more = mean_spread(expose(monkeypatch, mount_path_arcsec=path)) - mean_spread(still)
@@ -164,7 +164,7 @@ def test_a_mount_that_settles_trails_the_beginning_of_an_exposure(monkeypatch, s
     variance = 0.6 * length_px**2 / 3.0 - (0.6 * length_px / 2.0) ** 2
     assert more[0, 0] == pytest.approx(variance, rel=0.12)
     assert abs(more[1, 1]) < 0.2
-    later = slewing.unrest_path_arcsec(arrival + 7 * NS, arrival + 17 * NS)
+    later = slewing.creep_and_jump_path_arcsec(arrival + 7 * NS, arrival + 17 * NS)
     assert not np.any(later)
 
 
@@ -178,7 +178,7 @@ def test_jumps_come_at_their_rate_and_split_the_stars(monkeypatch):
     assert np.median(sizes[jumped]) == pytest.approx(25.0, rel=0.05)
     # An exposure with a jump in its middle shows every star twice.
     begin = T0_UTC_NS + (10 * int(jumped[0])) * NS
-    path = jumping.unrest_path_arcsec(begin, begin + 10 * NS)
+    path = jumping.creep_and_jump_path_arcsec(begin, begin + 10 * NS)
     frame = expose(monkeypatch, mount_path_arcsec=path)
     share = np.mean(np.all(np.isclose(path, path[:, [0]]), axis=0))
     variance = share * (1.0 - share) * (25.0 / SCALE_ARCSEC_PX) ** 2

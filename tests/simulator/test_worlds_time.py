@@ -7,9 +7,9 @@ import pytest
 
 from rsoconsole.records import Site
 from rsoconsole.simulator import SensorModel
-from rsoconsole.simulator.camera.truth import TrueShutter
+from rsoconsole.simulator.camera.truth import TrueExposureTiming
 from rsoconsole.simulator.sky.passes import ExposureGeometry, satellite_passes
-from rsoconsole.sky import Places, pixel_to_sky, tan_wcs
+from rsoconsole.sky import SkyPlaces, pixel_to_sky, tan_wcs
 from tests.rigs.world_rig import (
     NS,
     RATE_ARCSEC_S,
@@ -110,7 +110,7 @@ class StraightSatellite:
         ra, dec = pixel_to_sky(self._plate, x, y)
         zero = np.zeros(len(since))
         there = np.tile([42_000.0, 0.0, 0.0], (len(since), 1))
-        return Places(
+        return SkyPlaces(
             t_utc_ns=np.asarray(t_utc_ns),
             ra_icrs_deg=ra,
             dec_icrs_deg=dec,
@@ -146,7 +146,7 @@ def test_a_rolling_shutter_draws_out_what_runs_with_it_exactly():
         wcs=plate,
         t_start_utc_ns=t0,
         exposure_s=1.0,
-        true=TrueShutter(t_open_utc_ns=t0, line_time_s=line_time_s),
+        true=TrueExposureTiming(t_open_utc_ns=t0, line_time_s=line_time_s),
     )
     [seen] = satellite_passes([(satellite, lambda t: np.zeros(len(t)))], sight)
     s = np.linspace(0.0, 1.0, len(seen.streak.y_px))

@@ -122,5 +122,5 @@ def test_rounding_never_shows_sixty_seconds():
 
 @given(one=ANGLE, turn=st.floats(0, 90), halves=st.integers(-3, 3))
 def test_two_lines_are_apart_by_their_turn_however_they_are_written(one, turn, halves):
-    assert angles.turn_deg(one, one + turn + 180 * halves) == pytest.approx(turn, abs=1e-8)
-    assert angles.turn_deg(one + turn + 180 * halves, one) == pytest.approx(turn, abs=1e-8)
+    assert angles.line_angle_deg(one, one + turn + 180 * halves) == pytest.approx(turn, abs=1e-8)
+    assert angles.line_angle_deg(one + turn + 180 * halves, one) == pytest.approx(turn, abs=1e-8)

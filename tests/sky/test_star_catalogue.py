@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.star_catalogue import catalogue_of, read_index, save
-from rsoconsole.base import SolverError, resource
+from rsoconsole.base import SolverError, resource_path
 from rsoconsole.sky import StarCatalogue, Stars, separation_deg
 
 INDEX_08 = Path("/usr/share/astrometry/index-tycho2-08.littleendian.fits")
@@ -95,7 +95,7 @@ def test_saving_keeps_positions_to_a_milliarcsecond(tmp_path):
 
 
 def test_the_notice_travels_with_the_stars():
-    notice = resource("sky", "data", "COPYRIGHT.tycho2").read_text(encoding="utf-8")
+    notice = resource_path("sky", "data", "COPYRIGHT.tycho2").read_text(encoding="utf-8")
     assert "Redistribution and use in source and binary forms" in notice
     assert "Hog" in notice
 

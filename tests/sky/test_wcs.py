@@ -98,7 +98,7 @@ def test_the_opposite_sky_has_no_pixel():
     is_flipped=st.booleans(),
 )
 def test_a_plate_is_described_as_it_was_made(ra, dec, rotation, is_flipped):
-    field = plate.describe(make(ra, dec, rotation, is_flipped), WIDTH, HEIGHT)
+    field = plate.describe_field(make(ra, dec, rotation, is_flipped), WIDTH, HEIGHT)
     assert separation_deg(field.ra_icrs_deg, field.dec_icrs_deg, ra, dec) < MILLIARCSEC_DEG
     assert field.scale_arcsec_px == pytest.approx(1.264, rel=1e-6)
     assert (field.rotation_deg - rotation + 180) % 360 - 180 == pytest.approx(0, abs=1e-4)

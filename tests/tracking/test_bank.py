@@ -16,10 +16,10 @@ from sgp4.api import WGS72, Satrec
 from sgp4.exporter import export_tle
 
 from rsoconsole.config import FilterConfig
-from rsoconsole.orbits import Satellite, orbit_path_bend, parse_elements
+from rsoconsole.orbits import Satellite, expected_sky_acceleration, parse_elements
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.session import decode, encode
-from rsoconsole.sky import Places, direction_to_unit, separation_deg
+from rsoconsole.sky import SkyPlaces, direction_to_unit, separation_deg
 from rsoconsole.tracking.filters import adaptive, bank, bank_update, estimator, lqe
 from rsoconsole.tracking.filters import bank_update as filter_update
 from rsoconsole.tracking.filters.streak_length import StreakErrors
@@ -54,7 +54,7 @@ def satellite(orbit: tuple[float, ...], node: float) -> Satellite:
 
 
 @functools.cache
-def places_of(name: str, late_s: tuple[float, ...], after_s: float = 0.0) -> Places:
+def places_of(name: str, late_s: tuple[float, ...], after_s: float = 0.0) -> SkyPlaces:
     """Of an orbit of a kind, turned about the Earth until it stands high over Daytona Beach."""
     t = T0_UTC_NS + np.arange(len(late_s)) * round(CADENCE_S * NS_PER_S)
     t = t + np.round((np.array(late_s) + after_s) * NS_PER_S).astype(np.int64)
@@ -62,7 +62,7 @@ def places_of(name: str, late_s: tuple[float, ...], after_s: float = 0.0) -> Pla
     return max((each.astrometric_place(DAYTONA, t) for each in every), key=_height)
 
 
-def _height(places: Places) -> float:
+def _height(places: SkyPlaces) -> float:
     towards = direction_to_unit(places.ra_icrs_deg[[0, -1]], places.dec_icrs_deg[[0, -1]])
     up = places.site_gcrs_km[[0, -1]]
     return float(np.min(np.sum(towards * up, axis=1) / np.linalg.norm(up, axis=1)))
@@ -102,7 +102,7 @@ def measured(name: str, scatter_s: float, seed: int, frames: int = FRAMES) -> li
 
 def begun(first: Measurement, second: Measurement, *, is_shutter_known: bool = False) -> TrackState:
     rate = np.array(lqe.sky_rate_arcsec_s(lqe.initialise(first, second, ADAPTIVE)))
-    told = orbit_path_bend(
+    told = expected_sky_acceleration(
         DAYTONA,
         first.t_mid_utc_ns,
         (first.ra_icrs_deg, first.dec_icrs_deg),
@@ -288,7 +288,7 @@ def test_wherever_it_runs_numbers_stay_numbers(
         t_utc_ns=T0_UTC_NS, ra_icrs_deg=ra, dec_icrs_deg=dec, covariance=0.25 * np.eye(2)
     )
     motion = (rate * math.cos(angle), rate * math.sin(angle))
-    held = bank.initiate(seen, motion, None)
+    held = bank.initiate_bank(seen, motion, None)
     for step in range(1, 6):
         held = bank.predict(held, T0_UTC_NS + step * 30 * NS_PER_S)
         mean, covariance = held.moments()

@@ -10,9 +10,9 @@ import pytest
 from rsoconsole.orbits import Satellite, parse_elements
 from rsoconsole.records import FoldRecord, Measurement, Missed, NotFollowed, TrackState
 from rsoconsole.simulator import elements_path
-from rsoconsole.sky import Places
+from rsoconsole.sky import SkyPlaces
 from rsoconsole.tracking import Following, FollowSettings, FrameInput, follow
-from rsoconsole.tracking.association.pattern import NO_PATTERN, Place, pattern_after
+from rsoconsole.tracking.association.pattern import NO_PATTERN, TrackPlace, pattern_after
 from tests.nights.slot_of_twelve import streak
 from tests.tracking.test_rivals import every_day
 from tests.truth.seen_satellites import DAYTONA
@@ -29,7 +29,7 @@ def settings(most_tracks: int = 12) -> FollowSettings:
 
 
 @functools.cache
-def places(late_s: tuple[float, ...]) -> dict[str, Places]:
+def places(late_s: tuple[float, ...]) -> dict[str, SkyPlaces]:
     """Where each was when the shutter really opened."""
     t = T0_UTC_NS + np.arange(len(late_s)) * round(CADENCE_S * 1e9)
     t = t + np.round(np.array(late_s) * 1e9).astype(np.int64)
@@ -127,12 +127,12 @@ def test_the_way_from_one_to_another_knows_nothing_of_what_both_share() -> None:
         for track, east_arcsec in ((1, 0.0), (2, 100.0 + 0.02 * k * CADENCE_S)):
             own = random.normal(0.0, 0.3, 2) / 3600.0
             at = (10.0 + east_arcsec / 3600.0 + shared[0] + own[0], shared[1] + own[1])
-            shown[track] = Place(
+            shown[track] = TrackPlace(
                 ra_icrs_deg=at[0], dec_icrs_deg=at[1], covariance=cov, rate_arcsec_s=np.zeros(2)
             )
         pattern = pattern_after(pattern, (1, 2), shown, k * round(CADENCE_S * 1e9) + 1)
     later_ns = 30 * round(CADENCE_S * 1e9) + 1
-    known, ways, covariances = pattern.ways_between((1, 2, 3), later_ns)
+    known, ways, covariances = pattern.relative_positions_at((1, 2, 3), later_ns)
     assert known.tolist() == [[False, True, False], [True, False, False], [False, False, False]]
     np.testing.assert_array_equal(ways[1, 0], -ways[0, 1])
     way, covariance = ways[0, 1], covariances[0, 1]

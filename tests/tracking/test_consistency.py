@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.tracking import WINDOW, consistency, mean_band
+from rsoconsole.tracking import WINDOW, consistency, mean_nis_band
 from rsoconsole.tracking.filters.innovations import MIN_UPDATES
 
 
@@ -18,7 +18,7 @@ def innovations(scale: float, count: int, seed: int, correlation: float = 0.0):
 
 def test_the_band_is_that_of_the_tables():
     """Chi-square with 50 degrees of freedom: 32.36 and 71.42 (Bar-Shalom et al. 2001, table)."""
-    low, high = mean_band(25)
+    low, high = mean_nis_band(25)
     assert low * 25 == pytest.approx(32.36, abs=0.01)
     assert high * 25 == pytest.approx(71.42, abs=0.01)
 
@@ -59,4 +59,4 @@ def test_the_band_of_a_mean_is_that_of_the_chi_square_law(count):
     from scipy.stats import chi2
 
     expected = chi2.ppf([0.025, 0.975], 2 * count) / count
-    assert mean_band(count) == pytest.approx(tuple(expected), rel=1e-10)
+    assert mean_nis_band(count) == pytest.approx(tuple(expected), rel=1e-10)

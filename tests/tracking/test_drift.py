@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
-from rsoconsole.tracking import SolvedPointing, drift_of, polar_hint
+from rsoconsole.tracking import SolvedPointing, fit_drift, polar_hint
 
 NS_PER_S = 1_000_000_000
 SIDEREAL_DEG_S = 15.041 / 3600.0
@@ -69,7 +69,7 @@ def test_the_error_that_shows_at_an_hour_angle_is_found_with_its_side(
     hour_angle_deg, altitude_deg, azimuth_deg, axis, words
 ):
     looks = looks_of(hour_angle_deg, altitude_deg=altitude_deg, azimuth_deg=azimuth_deg)
-    drift = drift_of(looks)
+    drift = fit_drift(looks)
     assert drift is not None
     middle = hour_angle_deg + drift.hours * 7.5
     hint = polar_hint(drift, middle, 40.0)
@@ -82,19 +82,19 @@ def test_the_error_that_shows_at_an_hour_angle_is_found_with_its_side(
 
 
 def test_the_scatter_of_slews_is_no_drift():
-    drift = drift_of(looks_of(0.0, frames=60, slew_every=3))
+    drift = fit_drift(looks_of(0.0, frames=60, slew_every=3))
     assert drift is not None
     assert abs(drift.north_arcsec_h.value) < 4.0 * drift.north_arcsec_h.sigma
     assert drift.north_arcsec_h.sigma < 5.0
     assert polar_hint(drift, 0.0, 40.0).words == ""
     # All in one, as if no slew were known, would not know it so well.
-    one_slew = drift_of(looks_of(0.0, frames=60, slew_every=1))
+    one_slew = fit_drift(looks_of(0.0, frames=60, slew_every=1))
     assert one_slew is not None
     assert one_slew.north_arcsec_h.sigma > 2.0 * drift.north_arcsec_h.sigma
 
 
 def test_a_field_that_turns_is_measured_through_north_and_since_the_flip():
-    drift = drift_of(looks_of(0.0, turn_deg_h=0.12))
+    drift = fit_drift(looks_of(0.0, turn_deg_h=0.12))
     assert drift is not None
     assert drift.rotation_deg_h.value == pytest.approx(0.12, abs=0.001)
     before = [
@@ -106,11 +106,11 @@ def test_a_field_that_turns_is_measured_through_north_and_since_the_flip():
         )
         for look in looks_of(0.0)
     ]
-    again = drift_of([*before, *looks_of(0.0, turn_deg_h=0.12)])
+    again = fit_drift([*before, *looks_of(0.0, turn_deg_h=0.12)])
     assert again == drift
 
 
 def test_few_frames_or_a_short_while_say_nothing():
-    assert drift_of([]) is None
-    assert drift_of(looks_of(0.0, frames=4)) is None
-    assert drift_of(looks_of(0.0, frames=5)) is None  # two minutes
+    assert fit_drift([]) is None
+    assert fit_drift(looks_of(0.0, frames=4)) is None
+    assert fit_drift(looks_of(0.0, frames=5)) is None  # two minutes

@@ -105,13 +105,13 @@ def test_of_two_as_good_as_certain_the_better_measured_leads(faint, bright, lead
 
     first, _ = follow(Following(), seen(1, *pair(1)), SETTINGS)
     after, _ = follow(first, seen(2, *pair(2)), SETTINGS)
-    assert after.taken is not None
-    assert after.taken.confidence == {"faint": faint, "bright": bright}[leads]
+    assert after.lead_measured is not None
+    assert after.lead_measured.confidence == {"faint": faint, "bright": bright}[leads]
     by_paper = dataclasses.replace(SETTINGS, choice="most confident")
     first, _ = follow(Following(), seen(1, *pair(1)), by_paper)
     after, _ = follow(first, seen(2, *pair(2)), by_paper)
-    assert after.taken is not None
-    assert after.taken.confidence == max(faint, bright)
+    assert after.lead_measured is not None
+    assert after.lead_measured.confidence == max(faint, bright)
 
 
 def test_a_clipped_streak_starts_no_track():
@@ -150,8 +150,8 @@ def test_a_missed_frame_coasts_and_the_next_measurement_resumes():
 def test_a_neighbour_at_another_place_is_refused_with_its_reason():
     neighbour = geo_measurement(5, ra_deg=150.19, confidence=0.99)
     after, records = follow(locked(), seen(5, neighbour, geo_measurement(5)), SETTINGS)
-    assert after.taken is not None
-    assert after.taken.ra_icrs_deg == geo_measurement(5).ra_icrs_deg
+    assert after.lead_measured is not None
+    assert after.lead_measured.ra_icrs_deg == geo_measurement(5).ra_icrs_deg
     assert any(isinstance(r, NotFollowed) and text(r.reason).startswith("NIS") for r in records)
 
 

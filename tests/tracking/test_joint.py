@@ -14,8 +14,8 @@ from rsoconsole.records import NotTaken
 from rsoconsole.tracking import Following, LiveTrack, follow
 from rsoconsole.tracking._gates import track_updates
 from rsoconsole.tracking.filters import estimator
-from rsoconsole.tracking.initiation.acquisition import track_through
-from rsoconsole.tracking.joint import TrackCandidates, assign
+from rsoconsole.tracking.initiation.acquisition import track_from_pair
+from rsoconsole.tracking.joint import TrackCandidates, assign_measurements
 from tests.tiers import plain_first
 from tests.tracking.test_rivals import FRAMES, NEAR_ARCSEC, every_day, seen, streak, truth
 
@@ -47,7 +47,7 @@ def night(
     settings, tracks = every_day(), []
     for number, name in enumerate(places, start=1):
         pair = frames[0][name], frames[1][name]
-        track = track_through(*pair, number, seen(1, *pair), settings)
+        track = track_from_pair(*pair, number, seen(1, *pair), settings)
         tracks.append(LiveTrack(track=track, taken=pair[1]))
     following = Following(state="TRACK", tracks=tuple(tracks), last_track_id=len(tracks))
     found: Counter[str] = Counter()
@@ -98,7 +98,7 @@ def weighed_of(names: tuple[str, ...], spacing_arcsec: float, shown: dict[str, f
     ]
     sight, told = seen(2, *streaks), []
     for name in names:
-        track = track_through(*pairs[name], 1, sight, settings)
+        track = track_from_pair(*pairs[name], 1, sight, settings)
         before = LiveTrack(track=track, taken=pairs[name][1])
         predicted = estimator.predict(track, sight.t_mid_utc_ns, settings.filter, 2)
         updated = track_updates(predicted, sight.measurements, before, sight, settings)
@@ -114,30 +114,30 @@ def names_of(given) -> list[str | None]:
 def test_the_whole_frame_decides_where_one_track_alone_would_take_the_wrong_one():
     """Both are late by more than half of their distance: alone ``b`` is nearer to ``a``'s."""
     tracks = weighed_of(("a", "b"), 30.0, {"a": 0.6, "b": 1.6})
-    assert min(tracks[1].fitting, key=lambda m: tracks[1].updated[m].nis).measurement_id == "2-a"
-    assert names_of(assign(tracks)) == ["a", "b"]
+    assert min(tracks[1].in_gate, key=lambda m: tracks[1].updated[m].nis).measurement_id == "2-a"
+    assert names_of(assign_measurements(tracks)) == ["a", "b"]
 
 
 def test_one_streak_between_two_tracks_is_nobodys():
     """Half way between both: an answer would be a guess."""
-    given = assign(weighed_of(("a", "b"), 20.0, {"x": 0.5}))
+    given = assign_measurements(weighed_of(("a", "b"), 20.0, {"x": 0.5}))
     assert names_of(given) == [None, None]
     assert sorted(given.is_ambiguous) == [False, True]
 
 
 def test_one_streak_on_a_track_is_that_tracks():
-    given = assign(weighed_of(("a", "b"), 90.0, {"x": 1.0}))
+    given = assign_measurements(weighed_of(("a", "b"), 90.0, {"x": 1.0}))
     assert names_of(given) == [None, "x"]
     assert given.is_ambiguous == (False, False)
 
 
 def test_a_streak_found_twice_is_still_one():
-    given = assign(weighed_of(("a", "b"), 90.0, {"x": 0.0, "y": 0.01, "z": 1.0}))
+    given = assign_measurements(weighed_of(("a", "b"), 90.0, {"x": 0.0, "y": 0.01, "z": 1.0}))
     assert names_of(given)[1] == "z"
     assert names_of(given)[0] in {"x", "y"}
 
 
 def test_a_frame_without_anything_gives_nothing():
-    given = assign(weighed_of(("a", "b"), 40.0, {}))
+    given = assign_measurements(weighed_of(("a", "b"), 40.0, {}))
     assert names_of(given) == [None, None]
     assert given.is_ambiguous == (False, False)

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rsoconsole.orbits import probability_of, tracklet_orbit
-from rsoconsole.orbits.determination.join import log_odds
+from rsoconsole.orbits import probability_from_log_odds, tracklet_orbit
+from rsoconsole.orbits.determination.join import log_odds_same_object
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking import MotionPrior, link_points
-from rsoconsole.tracking.initiation.link import best_disjoint
+from rsoconsole.tracking.initiation.link import best_disjoint_sets
 from tests.truth.seen_satellites import SHARED, geostationary, instants, seen
 
 SPOTGEO = SHARED / "linking" / "spotgeo_truth_1_640.json"
@@ -124,7 +124,7 @@ def test_no_point_is_used_twice_where_paths_cross() -> None:
 def test_the_best_choice_is_found_where_the_greedy_one_is_not() -> None:
     a, b, c, d = (0, 0), (1, 0), (2, 0), (3, 0)
     candidates = [((b, c), 10.0), ((a, b), 7.0), ((c, d), 7.0)]
-    assert sorted(best_disjoint(candidates)) == [1, 2]
+    assert sorted(best_disjoint_sets(candidates)) == [1, 2]
 
 
 NIGHT_S = 86_400.0 + 900.0
@@ -141,7 +141,9 @@ def test_three_satellites_of_two_nights_two_of_them_in_one_slot_are_joined() -> 
         [tracklet_orbit(seen(each, instants(since), random=random), "geo") for each in sets]
         for since in (0.0, NIGHT_S)
     )
-    found = np.array([[probability_of(log_odds(a, b)) for b in second] for a in first])
+    found = np.array(
+        [[probability_from_log_odds(log_odds_same_object(a, b)) for b in second] for a in first]
+    )
     assert np.all(np.diag(found) > 0.9)
     assert np.all(found[~np.eye(3, dtype=bool)] < 0.05)
 
@@ -151,4 +153,4 @@ def test_a_satellite_that_was_not_there_the_night_before_is_joined_to_none() -> 
     ours = tracklet_orbit(seen(geostationary(90001, -60.0), instants(0.0), random=random), "geo")
     other = geostationary(90002, -60.05, i_deg=0.2, node_deg=300.0)
     new = tracklet_orbit(seen(other, instants(NIGHT_S), random=random), "geo")
-    assert log_odds(ours, new) < -5.0
+    assert log_odds_same_object(ours, new) < -5.0

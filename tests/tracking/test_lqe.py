@@ -92,7 +92,7 @@ def test_transition_is_the_matrix_exponential():
 
     A = np.zeros((4, 4))
     A[0, 1] = A[2, 3] = 1.0
-    assert lqe.transition(17.3) == pytest.approx(expm(A * 17.3))
+    assert lqe.transition_matrix(17.3) == pytest.approx(expm(A * 17.3))
 
 
 def noisy_line(seed: int, n: int, sigma_arcsec: float, dec_deg: float = 35.0) -> list[Measurement]:
@@ -331,7 +331,7 @@ def test_the_papers_equations_come_to_the_same(seed, preset, sigma_arcsec):
     ]
     pairs = run(measurements, config)
     state = lqe.initialise(measurements[0], measurements[1], config)
-    F, C = lqe.transition(CADENCE_S), lqe.C
+    F, C = lqe.transition_matrix(CADENCE_S), lqe.C
     for (predicted, updated), m in zip(pairs, measurements[2:], strict=True):
         x, P = F @ np.array(state.x), F @ np.array(state.P) @ F.T
         P = P + state.q_scale * lqe.process_noise(CADENCE_S, state.x[2], config)

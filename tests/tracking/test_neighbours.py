@@ -72,8 +72,11 @@ def test_after_a_long_coast_a_known_neighbour_is_not_taken_for_it(shift_deg):
     """Even where the prediction's error brings the neighbour nearer than the one followed."""
     after, told, _ = after_a_coast(shift_deg, target=True, neighbour=True)
     assert after.state == "TRACK"
-    assert after.taken is not None
-    assert after.taken.ra_icrs_deg == geo_measurement(LONG, ra_deg=150.0 + shift_deg).ra_icrs_deg
+    assert after.lead_measured is not None
+    assert (
+        after.lead_measured.ra_icrs_deg
+        == geo_measurement(LONG, ra_deg=150.0 + shift_deg).ra_icrs_deg
+    )
     assert told == "stands where a neighbour of the one followed was"
 
 

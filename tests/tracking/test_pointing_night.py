@@ -157,7 +157,7 @@ def night(
             engine = Engine(
                 config=config,
                 instrument_controller=InstrumentController(
-                    instruments, config, lambda: queue.is_wanted
+                    instruments, config, lambda: queue.is_interrupt_wanted
                 ),
                 reducer=reducer,  # type: ignore[arg-type]
                 record=memory,

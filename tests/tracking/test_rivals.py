@@ -24,7 +24,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import Following, FollowSettings, FrameInput, Plane, follow
+from rsoconsole.tracking import Following, FollowSettings, FrameInput, TangentPlane, follow
 from rsoconsole.tracking._takeover import rival_odds
 from rsoconsole.tracking.association.following import Rival
 from rsoconsole.words import text
@@ -106,7 +106,7 @@ def streak(  # noqa: PLR0917 -- of whom, where it is, how it moves
     along = rate / np.linalg.norm(rate)
     cov = 0.6**2 * np.outer(along, along) + 0.2**2 * np.eye(2)
     place = away + rate * late_s + random.multivariate_normal(np.zeros(2), cov)
-    plane = Plane.at(truth()[k].ra_deg, truth()[k].dec_deg)
+    plane = TangentPlane.at(truth()[k].ra_deg, truth()[k].dec_deg)
     half = 0.5 * EXPOSURE_S * rate
     ra, dec = plane.direction_of(*place)
     return Measurement(
@@ -137,7 +137,7 @@ def seen(k: int, *measurements: Measurement, absence: Missed | None = None) -> F
 
 def taken_of(following: Following, k: int) -> str | None:
     """Whose streak the lead took in a frame."""
-    taken = following.taken
+    taken = following.lead_measured
     return taken.measurement_id.split("-")[1] if taken and taken.frame_id == k else None
 
 
@@ -202,7 +202,7 @@ def test_a_track_begun_with_two_objects_is_begun_again_with_one() -> None:
             taken.receive(record)
         if told[-1].startswith("re-acquired"):
             # The orbit hears of it at once: the track that was given up leads nothing.
-            assert [each.track_id for each in taken.live()] == [2]
+            assert [each.track_id for each in taken.live_tracks()] == [2]
     assert following.state == "TRACK"
     assert taken_of(following, 11) == "ours"
     again = [each for each in told if each.startswith("re-acquired")]

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Measurement
-from rsoconsole.tracking import Motion, excesses_with
-from rsoconsole.tracking.filters.streak_length import REMEMBERED, along_error_arcsec, excess_arcsec
+from rsoconsole.tracking import Motion, append_length_excess
+from rsoconsole.tracking.filters.streak_length import (
+    REMEMBERED,
+    along_error_arcsec,
+    length_excess_arcsec,
+)
 
 LENGTH_ARCSEC = 150.0
 EXPECTED = Motion(LENGTH_ARCSEC, 0.0)
@@ -38,7 +42,7 @@ def night(random: np.random.Generator, sigma_end: float, bias: float = 0.0, fram
         west, east = random.normal(0.0, sigma_end, 2)
         seen = streak(west - bias / 2.0, east + bias / 2.0)
         said = along_error_arcsec(seen, EXPECTED, before)
-        before = excesses_with(before, seen, EXPECTED)
+        before = append_length_excess(before, seen, EXPECTED)
         yield (west + east) / 2.0, float(np.hypot(said, 0.3))
 
 
@@ -60,7 +64,7 @@ def test_what_flashes_shows_a_part_of_its_way_somewhere():
         lost = random.uniform(0.0, 22.0)
         seen = streak(lost, lost - 22.0)
         said = along_error_arcsec(seen, EXPECTED, before)
-        before = excesses_with(before, seen, EXPECTED)
+        before = append_length_excess(before, seen, EXPECTED)
         squared.append(((lost - 11.0) / np.hypot(said, 0.3)) ** 2)
     # Between this and a drift of the stars, which shortens all streaks and moves no middle.
     assert 1.0 < np.sqrt(np.mean(squared[10:])) < 1.7
@@ -94,7 +98,7 @@ def filter_errors(*, is_widened: bool, seed: int = 6, nights: int = 60) -> np.nd
         for west, east in flashing(period_s, lit, random.uniform(0.0, 10.0)):
             seen = streak(west, -east)
             said = along_error_arcsec(seen, EXPECTED, kept) if is_widened else 0.0
-            kept = excesses_with(kept, seen, EXPECTED)
+            kept = append_length_excess(kept, seen, EXPECTED)
             motion.predict()
             motion.update((west - east) / 2.0, R=said**2 + 0.3**2)
             errors.append(float(motion.x[0, 0] / np.sqrt(motion.P[0, 0])))
@@ -143,14 +147,14 @@ def test_one_end_far_off_widens_by_half_of_it(lost):
 
 def test_what_the_frame_cuts_has_no_length():
     cut = streak(0.0, -60.0, is_clipped=True)
-    assert excess_arcsec(cut, EXPECTED) is None
+    assert length_excess_arcsec(cut, EXPECTED) is None
     assert along_error_arcsec(cut, EXPECTED) == 0.0
-    assert excesses_with((1.0,), cut, EXPECTED) == (1.0,)
+    assert append_length_excess((1.0,), cut, EXPECTED) == (1.0,)
 
 
 def test_it_remembers_the_last_ones():
     kept: tuple[float, ...] = ()
     for number in range(40):
-        kept = excesses_with(kept, streak(0.0, float(number)), EXPECTED)
+        kept = append_length_excess(kept, streak(0.0, float(number)), EXPECTED)
     assert len(kept) == REMEMBERED
     assert kept[-1] == pytest.approx(39.0, abs=1e-6)

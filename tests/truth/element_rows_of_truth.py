@@ -14,20 +14,20 @@ import numpy as np
 from rsoconsole.config import CatalogueConfig
 from rsoconsole.orbits import (
     CatalogueEntry,
+    ElementErrorRow,
     ElementErrors,
-    ElementRow,
     MeasuredDirections,
     compare_with_catalogue,
+    element_error_row,
     manoeuvred_probability,
+    object_places,
     parse_catalogue,
-    places_of,
     reduce_directions,
-    row_of,
     states_gcrs,
 )
-from rsoconsole.orbits.identification.element_errors import Spread
-from rsoconsole.orbits.identification.single import identification_alone
-from rsoconsole.pipeline import wide_errors_of
+from rsoconsole.orbits.identification.element_errors import ErrorSpread
+from rsoconsole.orbits.identification.single import identify_alone
+from rsoconsole.pipeline import wide_element_errors
 from rsoconsole.pipeline.calibrations.element_calibration import GATE_DEG
 from rsoconsole.sky import site_gcrs
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
@@ -39,10 +39,10 @@ NOISE_ARCSEC = 2.0
 _HIGH_DEG = 25.0
 
 
-def times(spread: Spread, at_epoch: float, by_age: float, across: float) -> Spread:
+def times(spread: ErrorSpread, at_epoch: float, by_age: float, across: float) -> ErrorSpread:
     """By hand, as the notes of the model have it."""
     a, c, s = spread.along, spread.across, spread.shape
-    return Spread(
+    return ErrorSpread(
         along=(a[0] * at_epoch, a[1] * by_age, a[2] * by_age),
         across=(c[0] * across, c[1] * across, c[2] * across),
         shape=(s[0] * at_epoch, s[1] * by_age, s[2] * by_age),
@@ -52,7 +52,7 @@ def times(spread: Spread, at_epoch: float, by_age: float, across: float) -> Spre
 def seen_of(true: CatalogueEntry, t_utc_ns: int, rng: np.random.Generator) -> MeasuredDirections:
     """Six directions in ten seconds about an instant, with noise."""
     t = t_utc_ns + np.arange(-5, 7, 2) * NS_PER_S
-    places = places_of(true, SITE, t)
+    places = object_places(true, SITE, t)
     sigma_deg = NOISE_ARCSEC / 3600.0
     dec = places.dec_icrs_deg + rng.normal(0.0, sigma_deg, len(t))
     aside = rng.normal(0.0, sigma_deg, len(t)) / np.cos(np.radians(dec))
@@ -91,13 +91,13 @@ def comes_over(entry: CatalogueEntry, from_utc_ns: int, rng: np.random.Generator
 def low_rows(
     count: int,
     rng: np.random.Generator,
-    kept: Spread,
-    moved: Spread,
+    kept: ErrorSpread,
+    moved: ErrorSpread,
     *,
     oldest_days: float = 8.0,
-) -> Iterator[ElementRow]:
+) -> Iterator[ElementErrorRow]:
     """Of so many low objects, one each, named as the verb does."""
-    named_by = wide_errors_of(CatalogueConfig())
+    named_by = wide_element_errors(CatalogueConfig())
     number = 0
     while count:
         number += 1
@@ -123,10 +123,10 @@ def row_by(
     seen: MeasuredDirections,
     entries: list[CatalogueEntry],
     errors: ElementErrors,
-) -> ElementRow | None:
+) -> ElementErrorRow | None:
     """As the verb makes it; None where it is not surely named."""
     compared = compare_with_catalogue(seen, SITE, entries, gate_deg=GATE_DEG, errors=errors)
-    return row_of(session, "1", compared, identification_alone(compared, GATE_DEG))
+    return element_error_row(session, "1", compared, identify_alone(compared, GATE_DEG))
 
 
 def geo_pairs() -> Iterator[tuple[CatalogueEntry, CatalogueEntry]]:

@@ -14,14 +14,14 @@ from sgp4.api import WGS72, Satrec, SatrecArray
 from rsoconsole.orbits import (
     CatalogueEntry,
     FieldOfView,
-    Line,
+    StreakLine,
     manoeuvred_probability,
+    orbit_regime,
     parse_catalogue,
     position_sigmas_km,
-    regime_of,
 )
 from rsoconsole.orbits.elements.sky_paths import Exposure, Observer, streak_path
-from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, Spread
+from rsoconsole.orbits.identification.element_errors import MANOEUVRED, UNDISTURBED, ErrorSpread
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.sky import (
     ARCSEC_RAD,
@@ -140,7 +140,7 @@ def passing(
 
     def off(node: float, mean: float) -> FloatArray:
         satellite = SatrecArray([made(node, mean).record])
-        u = Observer(SITE, t_utc_ns).seen(satellite, np.zeros(1)).u[0, 0]
+        u = Observer(SITE, t_utc_ns).places_at_leads(satellite, np.zeros(1)).u[0, 0]
         side = np.cross([0.0, 0.0, 1.0], through)
         return np.array([u @ side, u @ np.cross(through, side)])
 
@@ -202,11 +202,14 @@ def replicated(count: int, seed: int, t_utc_ns: int = DAY_UTC_NS) -> tuple[Catal
 
 
 def off_its_elements(
-    entry: CatalogueEntry, t_utc_ns: int, rng: np.random.Generator, spread: Spread | None = None
+    entry: CatalogueEntry,
+    t_utc_ns: int,
+    rng: np.random.Generator,
+    spread: ErrorSpread | None = None,
 ) -> CatalogueEntry:
     """Where the object really is: off by what the model says of that age."""
     r = entry.record
-    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    regime = orbit_regime(entry.revolutions_a_day, entry.eccentricity)
     age_days = (t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
     if spread is None:
         is_moved = rng.random() < manoeuvred_probability(regime, age_days)
@@ -275,11 +278,11 @@ def plate_at(
     return Plate(wcs=wcs, side_px=side_px, view=view)
 
 
-def line_of(plate: Plate, true: CatalogueEntry, rng: np.random.Generator) -> Line | None:
+def line_of(plate: Plate, true: CatalogueEntry, rng: np.random.Generator) -> StreakLine | None:
     """What the frame shows of an object, with the noise of a detection; None: nothing."""
     view = plate.view
     exposure = Exposure(view.site, view.t_mid_utc_ns, view.exposure_s)
-    three = exposure.three(SatrecArray([true.record]), np.zeros(1))
+    three = exposure.places_through_exposure(SatrecArray([true.record]), np.zeros(1))
     if not all(np.all(np.isfinite(each.u)) for each in three):
         return None
     if not float(three[1].u[0, 0] @ view.centre) > math.cos(view.radius_rad + 0.35):
@@ -313,7 +316,7 @@ def line_of(plate: Plate, true: CatalogueEntry, rng: np.random.Generator) -> Lin
     a, b = (each / np.linalg.norm(each) for each in ends)
     mid = (a + b) / np.linalg.norm(a + b)
     sigma2 = (0.3 * scale) ** 2 + (0.3 * ARCSEC_RAD) ** 2
-    return Line(
+    return StreakLine(
         a=a,
         b=b,
         middle=mid,
@@ -327,7 +330,7 @@ def line_of(plate: Plate, true: CatalogueEntry, rng: np.random.Generator) -> Lin
     )
 
 
-def strange_line(plate: Plate, rng: np.random.Generator) -> Line:
+def strange_line(plate: Plate, rng: np.random.Generator) -> StreakLine:
     """Of something that no catalogue has."""
     centre = plate.view.centre
     east = np.cross([0.0, 0.0, 1.0], centre)
@@ -342,7 +345,7 @@ def strange_line(plate: Plate, rng: np.random.Generator) -> Line:
         for p in (place, place - way, place + way)
     )
     scale = 2.0 * half / plate.side_px
-    return Line(
+    return StreakLine(
         a=a,
         b=b,
         middle=mid,

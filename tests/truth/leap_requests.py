@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits import PredictedPosition, PredictedSkyPath, propagate
-from rsoconsole.orbits.motion.ahead import path_of
-from rsoconsole.pipeline import Leap, LeapTerms, MountMotion, NoLeap, Telescope, next_leap
+from rsoconsole.orbits.motion.ahead import sky_path_through
+from rsoconsole.pipeline import Leap, LeapParameters, MountMotion, NoLeap, Telescope, next_leap
 from rsoconsole.sky import (
     Limits,
     Pose,
@@ -69,7 +69,7 @@ def random_leaps(observatory: str, count: int, seed: int, judge: Limits | None =
                 scatter_s=float(random.uniform(0.0, 0.3)),
                 slews=20,
             ),
-            terms=LeapTerms(
+            terms=LeapParameters(
                 field_deg=FIELD_DEG,
                 scale_arcsec_px=1.26,
                 settle_s=float(random.uniform(0.3, 3.0)),
@@ -107,7 +107,7 @@ def _path(site, now_ns, random) -> PredictedSkyPath:
     north = np.cross(lines, east)
     rates = np.degrees(np.stack([np.sum(turn * a, axis=-1) for a in (east, north)], -1)) * 3600.0
     sigma = float(np.exp(random.uniform(0.0, np.log(900.0))))
-    return path_of(
+    return sky_path_through(
         [
             PredictedPosition(
                 t_utc_ns=int(t[n]),

@@ -142,7 +142,7 @@ def sigmas_off(off: FloatArray, place: PredictedPosition) -> float:
 
 def in_true_sense(one: LowPass, streak: StreakEnds) -> StreakEnds:
     """As SGP4 runs through it."""
-    true = one.satellite.astrometric_place(SITE, streak.t_utc_ns)
+    true = one.satellite.astrometric_place(SITE, streak.ends_utc_ns)
     turn = sum(
         np.diff(theirs)[0] * np.diff(ours)[0]
         for theirs, ours in (

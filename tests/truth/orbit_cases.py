@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rsoconsole.orbits.first.gooding_iteration import Lines
+from rsoconsole.orbits.first.gooding_iteration import SightLines
 from rsoconsole.records import FloatArray
 
 MU = 398600.4418
@@ -18,11 +18,11 @@ EARTH_KM = 6378.137
 
 def lines(
     t_s: list[float], sites_km: list[list[float]], ra_deg: list[float], dec_deg: list[float]
-) -> Lines:
+) -> SightLines:
     """Three lines of sight by their directions."""
     ra, dec = np.radians(ra_deg), np.radians(dec_deg)
     directions = np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], -1)
-    return Lines(t_s=np.array(t_s), sites_km=np.array(sites_km), directions=directions)
+    return SightLines(t_s=np.array(t_s), sites_km=np.array(sites_km), directions=directions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,7 +30,7 @@ class Published:
     """A case of a textbook or of an independent program."""
 
     name: str
-    lines: Lines
+    lines: SightLines
     mu: float
     ranges_km: tuple[float | None, float | None, float | None]
     r2_km: tuple[float, float, float]
@@ -134,7 +134,7 @@ REGIMES = ("LEO", "MEO", "GEO", "GTO", "Molniya")
 class Random:
     """An orbit seen three times from a turning Earth, without noise."""
 
-    lines: Lines
+    lines: SightLines
     ranges_km: FloatArray
     r2_km: FloatArray
     v2_km_s: FloatArray
@@ -155,7 +155,7 @@ def random_case(regime: str, random: np.random.Generator) -> Random:
         if _is_up(seen, sites):
             ranges = np.linalg.norm(seen, axis=1)
             return Random(
-                lines=Lines(t_s=t, sites_km=sites, directions=seen / ranges[:, None]),
+                lines=SightLines(t_s=t, sites_km=sites, directions=seen / ranges[:, None]),
                 ranges_km=ranges,
                 r2_km=states[1, :3],
                 v2_km_s=states[1, 3:],

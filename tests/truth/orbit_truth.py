@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from rsoconsole.orbits import MeasuredDirections, reduce_directions
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import IntArray, Places, astrometric_places, jd_ut1
+from rsoconsole.sky import IntArray, SkyPlaces, astrometric_places, jd_ut1
 from rsoconsole.sky.times import jd_tt
 from rsoconsole.words import NS_PER_S
 from tests.truth.orbit_cases import EARTH_KM, MU, state_of
@@ -53,7 +53,7 @@ class Flight:
         )
         return solved.y.T.reshape(len(unique), -1, 6)[where[:-1]]
 
-    def places(self, since_s: FloatArray) -> list[Places]:
+    def places(self, since_s: FloatArray) -> list[SkyPlaces]:
         """What a plate solution would measure of each satellite, without noise."""
         t = self.instants(since_s)
         states = self.states(since_s)
@@ -182,7 +182,7 @@ def geostationary(
 
 
 def seen_with_noise(
-    random: np.random.Generator, site: Site, places: Places, sigma_arcsec: float
+    random: np.random.Generator, site: Site, places: SkyPlaces, sigma_arcsec: float
 ) -> MeasuredDirections:
     """The same noise east and north, of the stated size."""
     north = random.normal(0.0, sigma_arcsec, len(places.t_utc_ns)) / 3600.0
@@ -192,7 +192,7 @@ def seen_with_noise(
     return reduce_directions(site, places.t_utc_ns, ra, places.dec_icrs_deg + north, covariance)
 
 
-def off_arcsec(one: Places, other: Places) -> FloatArray:
+def off_arcsec(one: SkyPlaces, other: SkyPlaces) -> FloatArray:
     """(N, 2) east and north, one minus other."""
     d_ra = (one.ra_icrs_deg - other.ra_icrs_deg + 180.0) % 360.0 - 180.0
     east = d_ra * np.cos(np.radians(other.dec_icrs_deg))

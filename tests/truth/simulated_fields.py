@@ -54,7 +54,7 @@ def frames_in(
     found: list[tuple[Path, FrameTruth, frozenset[int]]] = []
     for _ in range(_TRIED):
         t = DAY_UTC_NS + round(rng.uniform(1.2, 3.2) * 3600) * NS_PER_S
-        three = Exposure(SITE, t, exposure_s).three(satellites, np.zeros(1))
+        three = Exposure(SITE, t, exposure_s).places_through_exposure(satellites, np.zeros(1))
         middle = three[1]
         path = streak_path(*(each.u[:, 0] for each in three), 9)
         is_lit = lit_fraction(np.nan_to_num(middle.r_km[:, 0], nan=1.0), t) > 0.9
@@ -94,7 +94,9 @@ def _frame(
 ) -> tuple[Path, FrameTruth, frozenset[int]]:
     """Only what comes near the field is drawn. ``when``: middle and length of the exposure."""
     view = plate_at(*centre, *when, 3.0).view
-    three = Exposure(SITE, *when).three(SatrecArray([e.record for e in many.true]), np.zeros(1))
+    three = Exposure(SITE, *when).places_through_exposure(
+        SatrecArray([e.record for e in many.true]), np.zeros(1)
+    )
     path = streak_path(*(each.u[:, 0] for each in three), 9)
     with np.errstate(invalid="ignore"):
         near = np.flatnonzero((path @ view.centre).max(axis=1) > math.cos(view.radius_rad))

@@ -17,7 +17,7 @@ import pytest
 from rsoconsole.config import DetectorConfig
 from rsoconsole.instruments import read_frame
 from rsoconsole.records import Detection, Frame, PixelArray
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, local_background
 from tests.tiers import plain_first
 
@@ -104,7 +104,7 @@ def _is_on(found: Detection, ends: tuple[float, ...]) -> bool:
     middle = 0.5 * (ends[0] + ends[2]), 0.5 * (ends[1] + ends[3])
     angle = math.degrees(math.atan2(ends[3] - ends[1], ends[2] - ends[0])) % 180.0
     is_near = math.hypot(found.x_px - middle[0], found.y_px - middle[1]) < 8.0
-    return is_near and turn_deg(found.angle_deg, angle) < 4.0
+    return is_near and line_angle_deg(found.angle_deg, angle) < 4.0
 
 
 @pytest.mark.parametrize("name", plain_first(1, ALTERATIONS))
@@ -139,5 +139,5 @@ def test_where_it_is_not_believed_it_is_measured_all_the_same(
         frame_id=9, name="f", pixels=stored, exposure_s=10.0, scale_arcsec_px=frame.scale_arcsec_px
     )
     analysis = detector.analyse(altered, 0.1)
-    placed = [analysis.working.original(each.found) for each in analysis.candidates]
+    placed = [analysis.working.original_detection(each.found) for each in analysis.candidates]
     assert any(_is_on(each, ends) for each in placed)

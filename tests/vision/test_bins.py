@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from rsoconsole.vision import Workers, binning_of, find_stars, local_background, make_map
+from rsoconsole.vision import Workers, bin_side_px, find_stars, local_background, make_map
 from rsoconsole.vision.frame.background import sky_noise
 from rsoconsole.vision.frame.bins import (
     CELL_PX,
     bin_frame,
     block_maximum,
-    lines_of_light,
-    means_of_whole_blocks,
+    cell_means_of_whole_blocks,
+    opened_along_lines,
 )
 from rsoconsole.vision.stars.stars import STAR_BLOCK_PX
 
@@ -54,8 +54,8 @@ def test_cells_and_blocks_are_those_of_the_whole_frame(height, width, dtype):
     a_float32 = 1e-5
     assert np.allclose(bins.means, squares(whole, CELL_PX).mean(axis=(1, 3)), rtol=a_float32)
     for block in BLOCKS:
-        binned = squares(up_to(pixels.astype(np.float64), block), binning_of(block))
-        largest = squares(binned.mean(axis=(1, 3)), block // binning_of(block)).max(axis=(1, 3))
+        binned = squares(up_to(pixels.astype(np.float64), block), bin_side_px(block))
+        largest = squares(binned.mean(axis=(1, 3)), block // bin_side_px(block)).max(axis=(1, 3))
         assert bins.brightest[block].shape == (-(-height // block), -(-width // block))
         assert np.allclose(bins.brightest[block], largest, rtol=a_float32)
 
@@ -86,10 +86,10 @@ def test_the_lines_of_blocks_are_those_of_the_whole_frame_opened(height, width, 
     pixels = sky(height, width, dtype)
     lines = bin_frame(pixels, line_blocks=(block,), workers=TWO_THREADS).lines[block]
     assert lines.shape == (-(-height // block), -(-width // block))
-    binned = squares(up_to(pixels.astype(np.float64), block), binning_of(block)).mean(axis=(1, 3))
-    expected = squares(opened(binned), block // binning_of(block)).max(axis=(1, 3))
+    binned = squares(up_to(pixels.astype(np.float64), block), bin_side_px(block)).mean(axis=(1, 3))
+    expected = squares(opened(binned), block // bin_side_px(block)).max(axis=(1, 3))
     # At the rim pixels are mirrored here and bins there; whole-numbered bins are rounded.
-    rim = -(-3 * binning_of(block) // block)
+    rim = -(-3 * bin_side_px(block) // block)
     inner = slice(rim, -rim)
     rounding = 0.51 if dtype is np.uint16 else 1e-2
     assert np.allclose(lines[inner, inner], expected[inner, inner], atol=rounding)
@@ -100,7 +100,7 @@ def test_an_opened_line_keeps_its_light_and_a_star_loses_it():
     bins[20, 10:40] = 5.0
     bins[28:31, 50:53] = 900.0
     bins[33, 20:24] = 900.0
-    found = lines_of_light(bins)
+    found = opened_along_lines(bins)
     assert found.shape == (36, 60)
     assert (found[18, 12:38] == 5.0).all()
     assert found[24:].max() == 0.0
@@ -110,8 +110,8 @@ def test_an_opened_line_keeps_its_light_and_a_star_loses_it():
 @given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from(BLOCKS))
 def test_a_map_sees_a_rim_of_whole_blocks_then_of_whole_cells(height, width, dtype, block):
     pixels = sky(height, width, dtype)
-    means = means_of_whole_blocks(pixels, bin_frame(pixels), block)
-    binning = binning_of(block)
+    means = cell_means_of_whole_blocks(pixels, bin_frame(pixels), block)
+    binning = bin_side_px(block)
     binned = squares(up_to(pixels.astype(np.float64), block), binning).mean(axis=(1, 3))
     cell = CELL_PX // binning
     expected = squares(up_to(binned, cell), cell).mean(axis=(1, 3))
@@ -123,7 +123,7 @@ def test_a_map_sees_a_rim_of_whole_blocks_then_of_whole_cells(height, width, dty
 @given(height=SIDES, width=SIDES, dtype=DTYPES, block=st.sampled_from((2, 4, 8, 16)))
 def test_noise_of_bins_is_that_of_a_frame_made_of_them(height, width, dtype, block):
     pixels = sky(height, width, dtype)
-    binning = binning_of(block)
+    binning = bin_side_px(block)
     binned = squares(up_to(pixels.astype(np.float64), block), binning).mean(axis=(1, 3))
     alone = local_background(binned.astype(np.float32), CELL_PX // binning)
     noise = sky_noise(

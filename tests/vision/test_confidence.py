@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.base import ModelError, model_resource
+from rsoconsole.base import ModelError, model_file_path
 from rsoconsole.vision import FEATURES, Candidate, ConfidenceCurve, LineLight, PointImage
 from rsoconsole.vision.detector.confidence import LENGTH_ERROR
 from tests.makers import straight_detection
 
-CARD = json.loads(model_resource("streak_ssd.json").read_text(encoding="utf-8"))
+CARD = json.loads(model_file_path("streak_ssd.json").read_text(encoding="utf-8"))
 CURVE = ConfidenceCurve.from_card(CARD)
 PSF_PX = 2.4
 FOCUS = PointImage(fwhm_px=PSF_PX)
@@ -48,12 +48,12 @@ def test_confidence_is_a_probability_and_grows_with_what_is_seen(network, snr, l
 )
 def test_no_measurement_lifts_a_proposal_above_the_highest(network, snr, length_px, width_px):
     seen = seen_so(confidence=network, snr=snr, length_px=length_px, width_px=width_px)
-    highest = CURVE.highest(network, length_px / LENGTH_ERROR, FOCUS)
+    highest = CURVE.highest_confidence(network, length_px / LENGTH_ERROR, FOCUS)
     assert CURVE.confidence(seen, FOCUS) <= highest * (1 + 1e-9)
-    assert highest <= CURVE.highest(network, focus=FOCUS) * (1 + 1e-9)
+    assert highest <= CURVE.highest_confidence(network, focus=FOCUS) * (1 + 1e-9)
     best = seen_so(confidence=network, snr=500.0, length_px=150.0, width_px=PSF_PX)
     assert CURVE.confidence(best, FOCUS) == pytest.approx(
-        CURVE.highest(network, focus=FOCUS), rel=0.02
+        CURVE.highest_confidence(network, focus=FOCUS), rel=0.02
     )
 
 

@@ -15,7 +15,7 @@ from rsoconsole.vision import (
     Workers,
     find_stars,
 )
-from rsoconsole.vision.frame.dark_and_flat import normalised
+from rsoconsole.vision.frame.dark_and_flat import normalised_flat
 from tests.drawn.uneven_camera import STREAK, UnevenCamera
 
 SHAPE = HEIGHT, WIDTH = 200, 260
@@ -180,11 +180,11 @@ def test_a_hot_pixel_that_saturates_takes_its_neighbours_value():
         pixels[row, column] = 65535
     ready = DarkAndFlat(dark)
     even = ready.calibrated_frame(of(pixels)).pixels.astype(float)
-    assert ready.defects(65535.0) == len(hot)
+    assert ready.defect_count(65535.0) == len(hot)
     for row, column in hot:
         assert even[row, column] == pytest.approx(SKY + OFFSET, abs=4 * SIGMA)
     # A camera of 12 bits: the same pixels are full at less.
-    assert DarkAndFlat(np.minimum(dark, 4000.0)).defects(4095.0) == len(hot)
+    assert DarkAndFlat(np.minimum(dark, 4000.0)).defect_count(4095.0) == len(hot)
 
 
 # -- flats that cannot be divided by -----------------------------------------------------------
@@ -219,7 +219,7 @@ def test_a_corner_without_light_is_never_raised_more_than_tenfold():
 
 def test_a_flat_without_light_is_refused():
     with pytest.raises(ValueError, match="no light"):
-        normalised(np.zeros(SHAPE, np.float32))
+        normalised_flat(np.zeros(SHAPE, np.float32))
     with pytest.raises(ValueError, match="does not fit"):
         DarkAndFlat(np.zeros(SHAPE, np.float32), np.ones((10, 10), np.float32))
     with pytest.raises(ValueError, match="do not fit"):
@@ -238,7 +238,7 @@ def test_the_colours_of_a_mosaic_keep_their_levels():
     dark = np.full(SHAPE, OFFSET, np.float32)
     ready = DarkAndFlat(dark, (20000.0 * colours * vignette).astype(np.float32), has_mosaic=True)
     even = ready.calibrated_frame(of(pixels)).pixels.astype(float) - OFFSET
-    assert ready.defects(65535.0) == 0
+    assert ready.defect_count(65535.0) == 0
     for row in (0, 1):
         rows = even[row::2, 1::2].mean(axis=1)
         assert rows[:20].mean() == pytest.approx(rows[-20:].mean(), rel=0.01)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rsoconsole.vision import StarList, find_stars, local_background
-from rsoconsole.vision.lines.line_or_stars import ShortLights
-from rsoconsole.vision.stars.star_image import star_image
-from rsoconsole.vision.stars.star_list import Trail
+from rsoconsole.vision.lines.line_or_stars import StarImageComparer
+from rsoconsole.vision.stars.star_image import median_star_image
+from rsoconsole.vision.stars.star_list import StarTrail
 from tests.drawn.drawn_lines import exposed, line_of_light
 from tests.makers import straight_detection
 
@@ -58,7 +58,7 @@ def along(length_px: float, angle: float) -> tuple[float, float, float, float]:
 def held(light: np.ndarray, ends, stars_light: np.ndarray, rng, stars: StarList | None = None):
     pixels = exposed(stars_light + light, rng)
     sky = local_background(pixels)
-    lights = ShortLights(pixels, sky, find_stars(pixels, sky) if stars is None else stars)
+    lights = StarImageComparer(pixels, sky, find_stars(pixels, sky) if stars is None else stars)
     x_a, y_a, x_b, y_b = ends
     found = straight_detection(
         x_px=0.5 * (x_a + x_b),
@@ -137,7 +137,7 @@ def test_what_moved_otherwise_than_drawn_out_stars_is_a_line(turn_deg):
         snr=np.full(len(places), 100.0),
         is_saturated=np.zeros(len(places), bool),
         median_fwhm_px=2.3548 * SEEING_PX,
-        trail=Trail(length_px=16.0, angle_deg=30.0, fwhm_px=2.3548 * SEEING_PX),
+        trail=StarTrail(length_px=16.0, angle_deg=30.0, fwhm_px=2.3548 * SEEING_PX),
     )
     ends = along(30.0, math.radians(30.0 + turn_deg))
     one = held(streak(disc(SEEING_PX), ends, 3e4), ends, light, rng, stars)
@@ -167,7 +167,7 @@ def test_the_image_of_a_star_is_that_of_the_frames_stars(name):
     _, light = field(SHAPES[name], rng)
     pixels = exposed(light, rng)
     sky = local_background(pixels)
-    image = star_image(pixels, sky, find_stars(pixels, sky))
+    image = median_star_image(pixels, sky, find_stars(pixels, sky))
     assert image is not None
     assert image.pixels.sum() == pytest.approx(1.0, abs=1e-3)
     reach = image.reach

@@ -9,12 +9,12 @@ from rsoconsole.vision import (
     CODES_PER_SIGMA,
     LOWEST_SIGMA,
     FrameMap,
-    binning_of,
+    bin_side_px,
     choose_blocks,
     make_map,
 )
 from rsoconsole.vision.frame.bins import bin_frame
-from rsoconsole.vision.frame.maps import LINE_GAIN, LINE_SHIFT, to_codes
+from rsoconsole.vision.frame.maps import LINE_GAIN, LINE_SHIFT, to_map_bytes
 
 
 def _frame(height: int, width: int, dtype: type = np.uint16) -> np.ndarray:
@@ -28,7 +28,7 @@ def test_fast_map_is_the_brightest_line_over_the_noise(block, dtype):
     pixels = _frame(256, 320, dtype)
     frame_map = make_map(pixels, "fast", block)
     lines = bin_frame(pixels.astype(np.float32), line_blocks=(block,)).lines[block]
-    sigmas = LINE_GAIN * (lines - 800.0) / (40.0 / binning_of(block)) + LINE_SHIFT
+    sigmas = LINE_GAIN * (lines - 800.0) / (40.0 / bin_side_px(block)) + LINE_SHIFT
     expected = (np.clip(sigmas, -2.0, 14.0) - LOWEST_SIGMA) * CODES_PER_SIGMA
     # The sky itself is measured: a tenth of a sigma of level, a few per cent of noise.
     half_a_sigma = 0.5 * CODES_PER_SIGMA
@@ -39,7 +39,7 @@ def test_fast_map_is_the_brightest_line_over_the_noise(block, dtype):
 @pytest.mark.parametrize("block", [4, 8, 16])
 def test_plain_sky_of_a_fast_map_looks_as_the_brightest_of_its_bins_would(block):
     pixels = _frame(1024, 1024)
-    k, b = block // binning_of(block), binning_of(block)
+    k, b = block // bin_side_px(block), bin_side_px(block)
     bins = pixels.astype(float).reshape(1024 // b, b, 1024 // b, b).mean(axis=(1, 3))
     brightest = bins.reshape(1024 // block, k, 1024 // block, k).max(axis=(1, 3))
     as_bins = ((brightest - 800.0) / (40.0 / b) - LOWEST_SIGMA) * CODES_PER_SIGMA
@@ -83,7 +83,7 @@ def test_a_line_lights_the_cells_along_it_even_in_a_ragged_rim_and_a_star_does_n
         )
         assert (values[on_line[0] // block, on_line[1] // block] == 255).all()
         star = (height // 3 + 1) // block, (width // 2 + 1) // block
-        assert values[star] < to_codes(np.array([6.0], dtype=np.float32))[0]
+        assert values[star] < to_map_bytes(np.array([6.0], dtype=np.float32))[0]
 
 
 @given(
@@ -128,7 +128,7 @@ def test_a_gradient_steeper_than_a_streak_leaves_both_maps_flat():
 
 
 def test_codes_are_clipped_at_both_ends():
-    codes = to_codes(np.array([-9.0, -2.0, 0.0, 14.0, 99.0], dtype=np.float32))
+    codes = to_map_bytes(np.array([-9.0, -2.0, 0.0, 14.0, 99.0], dtype=np.float32))
     assert list(codes) == [0, 0, 32, 255, 255]
 
 

@@ -8,7 +8,7 @@ import pytest
 from rsoconsole.records import Frame
 from rsoconsole.simulator.camera.sensor import MOSAIC_RGGB
 from rsoconsole.vision import has_mosaic, without_mosaic
-from rsoconsole.vision.frame.mosaic import CELL, even_out
+from rsoconsole.vision.frame.mosaic import CELL, even_out_mosaic
 
 SHAPE = (600, 801)
 """Not a whole number of cells."""
@@ -39,7 +39,7 @@ def levels(pixels: np.ndarray, columns: slice) -> np.ndarray:
 
 @pytest.mark.parametrize("shares", [MOSAIC_RGGB, (1.0, 0.5, 0.5, 0.3), (0.3, 1.0, 0.9, 0.5)])
 def test_the_factors_are_those_of_the_filters(shares):
-    _, factors, _ = even_out(sky(shares), FULL)
+    _, factors, _ = even_out_mosaic(sky(shares), FULL)
     found = 1.0 / np.array(factors)
     # Sixty stars whose places in the cell are anywhere.
     five_percent = 0.05
@@ -50,7 +50,7 @@ def test_the_factors_are_those_of_the_filters(shares):
 
 def test_the_sky_is_level_in_every_part_of_the_frame():
     pixels = sky((1.0, 0.5, 0.5, 0.3))
-    even = even_out(pixels, FULL)[0]
+    even = even_out_mosaic(pixels, FULL)[0]
     for part in (slice(0, 60), slice(170, 230), slice(340, 400)):
         assert np.ptp(levels(pixels, part)) > 400.0
         noise_adu = 25.0
@@ -58,7 +58,7 @@ def test_the_sky_is_level_in_every_part_of_the_frame():
 
 
 def test_without_stars_the_noise_tells_the_filters():
-    even, factors, _ = even_out(sky((1.0, 0.5, 0.5, 0.3), stars=0), FULL)
+    even, factors, _ = even_out_mosaic(sky((1.0, 0.5, 0.5, 0.3), stars=0), FULL)
     found = 1.0 / np.array(factors)
     # The sky outshines the read noise a hundredfold.
     assert found / found[0] == pytest.approx([1.0, 0.5, 0.5, 0.3], rel=0.1)
@@ -77,7 +77,7 @@ def test_a_frame_without_a_mosaic_is_handed_through():
 
 def test_a_mosaic_that_was_binned_away_costs_nothing():
     pixels = sky((1.0, 1.0, 1.0, 1.0))
-    even, factors, _ = even_out(pixels, FULL)
+    even, factors, _ = even_out_mosaic(pixels, FULL)
     assert factors == pytest.approx([1.0] * 4, abs=0.05)
     assert np.abs(levels(even, slice(0, 400)) - levels(pixels, slice(0, 400))).max() < 8.0
 
@@ -100,9 +100,9 @@ def test_saturation_is_that_of_the_colour_that_is_full_first():
 
 def test_few_steps_of_noise_become_real_numbers():
     coarse = np.clip(sky(MOSAIC_RGGB) // 64, 0, 255).astype(np.uint16)
-    even = even_out(coarse, 255.0)[0]
+    even = even_out_mosaic(coarse, 255.0)[0]
     assert even.dtype == np.float32
-    assert even_out(sky(MOSAIC_RGGB), FULL)[0].dtype == np.uint16
+    assert even_out_mosaic(sky(MOSAIC_RGGB), FULL)[0].dtype == np.uint16
 
 
 def test_the_detector_finds_the_same_behind_a_mosaic_and_without_one():

@@ -11,7 +11,7 @@ import shutil
 import numpy as np
 import pytest
 
-from rsoconsole.base import ModelError, model_resource
+from rsoconsole.base import ModelError, model_file_path
 from rsoconsole.simulator import FieldContent, SensorModel, frame_rng, render, straight_streak
 from rsoconsole.vision import MODEL_NAME, Network, make_map
 
@@ -28,8 +28,8 @@ def network() -> Network:
 @pytest.fixture
 def copied(tmp_path):
     model = tmp_path / MODEL_NAME
-    shutil.copy(model_resource(MODEL_NAME), model)
-    shutil.copy(model_resource("streak_ssd.json"), model.with_suffix(".json"))
+    shutil.copy(model_file_path(MODEL_NAME), model)
+    shutil.copy(model_file_path("streak_ssd.json"), model.with_suffix(".json"))
     return model
 
 

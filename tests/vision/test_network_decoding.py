@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsoconsole.vision import MapStreak, decode, keep_distinct
+from rsoconsole.vision import MapStreak, decode_candidates, keep_distinct
 
 STRIDE = 4
 
@@ -26,7 +26,7 @@ def test_decoding_returns_the_ends_that_were_encoded(angle_deg):
         np.cos(2 * np.radians(angle_deg)),
         np.sin(2 * np.radians(angle_deg)),
     ]
-    (found,) = decode(answer, 0.0)
+    (found,) = decode_candidates(answer, 0.0)
     wanted = _streak(x, y, length, angle_deg)
     assert found.logit == pytest.approx(2.5)
     got = sorted([(found.x_a, found.y_a), (found.x_b, found.y_b)])
@@ -41,11 +41,11 @@ def test_decoding_returns_the_ends_that_were_encoded(angle_deg):
 def test_decoding_orders_by_confidence_and_stops_at_the_lowest():
     answer = np.zeros((6, 4, 4), dtype=np.float32)
     answer[0] = np.arange(16, dtype=np.float32).reshape(4, 4) - 10.0
-    assert [round(s.logit) for s in decode(answer, 2.5)] == [5, 4, 3]
+    assert [round(s.logit) for s in decode_candidates(answer, 2.5)] == [5, 4, 3]
 
 
 def test_nothing_above_the_lowest_logit_is_nothing():
-    assert decode(np.full((6, 4, 4), -9.0, dtype=np.float32), 0.0) == []
+    assert decode_candidates(np.full((6, 4, 4), -9.0, dtype=np.float32), 0.0) == []
 
 
 def test_candidates_on_one_line_are_one_streak_the_most_confident():

@@ -9,7 +9,7 @@ import pytest
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.instruments import read_frame
-from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_pattern
+from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_row_column_pattern
 
 SIZE = (900, 1200)
 SIGMA = 12.0
@@ -41,7 +41,7 @@ def test_offsets_are_found_to_a_fifth_of_a_pixel_s_noise(rows: float, columns: f
     by_column = columns * SIGMA * random.standard_normal(SIZE[1])
     sky = noise()
     pixels = stored(sky + by_row[:, None] + by_column)
-    pattern = find_pattern(pixels)
+    pattern = find_row_column_pattern(pixels)
     if rows == columns == 0.0:
         assert pattern is None
         return
@@ -61,7 +61,7 @@ def test_offsets_are_found_to_a_fifth_of_a_pixel_s_noise(rows: float, columns: f
 def test_a_trail_along_the_rows_keeps_its_light():
     random = np.random.default_rng(3)
     pixels = stored(noise() + SIGMA * random.standard_normal(SIZE[0])[:, None])
-    pattern = find_pattern(pixels)
+    pattern = find_row_column_pattern(pixels)
     assert pattern is not None
     cleaned = pattern.removed(pixels).astype(float)
     trail = np.median(cleaned[401, 300:700]) - np.median(cleaned[396:399, 300:700])
@@ -72,7 +72,7 @@ def test_a_trail_along_the_rows_keeps_its_light():
 def test_faint_steps_are_kept_as_they_are_in_numbers_that_hold_them(sigma: float):
     offsets = sigma * np.random.default_rng(4).standard_normal(SIZE[0])
     pixels = stored(noise(sigma=sigma) + offsets[:, None])
-    pattern = find_pattern(pixels)
+    pattern = find_row_column_pattern(pixels)
     assert pattern is not None
     assert pattern.removed(pixels).dtype == np.float32
 
@@ -81,11 +81,11 @@ def test_a_mosaic_is_no_pattern():
     sky = noise()
     sky[::2, ::2] *= 0.8
     sky[1::2, 1::2] *= 0.7
-    assert find_pattern(stored(sky)) is None
+    assert find_row_column_pattern(stored(sky)) is None
 
 
 def test_a_frame_without_noise_has_none():
-    assert find_pattern(np.full(SIZE, 700, np.uint16)) is None
+    assert find_row_column_pattern(np.full(SIZE, 700, np.uint16)) is None
 
 
 @pytest.mark.shared_data
@@ -105,7 +105,7 @@ def test_independent_frames_are_untouched_and_when_striped_their_streaks_are_fou
         assert len(truth["frames"]) == files
         for number, told in enumerate(truth["frames"][:most]):
             frame = read_frame(SIMULATED / sequence / told["file"], number)
-            assert find_pattern(frame.pixels) is None
+            assert find_row_column_pattern(frame.pixels) is None
             steps = frame.pixels[::50, 2:].astype(float) - frame.pixels[::50, :-2]
             sigma = 1.4826 * float(np.median(np.abs(steps))) / math.sqrt(2.0)
             height, width = frame.pixels.shape
@@ -135,7 +135,7 @@ def test_what_is_left_of_a_row_is_too_little_for_a_line(sigma, rows):
     by_row = random.normal(0.0, rows, 700)
     sky = random.normal(1003.0, sigma, (700, 4656)) + by_row[:, None]
     pixels = (np.round(sky / 16.0) * 16.0).astype(np.uint16)
-    pattern = find_pattern(pixels)
+    pattern = find_row_column_pattern(pixels)
     assert pattern is not None
     assert pattern.rows is not None
     assert pattern.noise_adu == pytest.approx(math.hypot(sigma, 16.0 / math.sqrt(12.0)), rel=0.1)
@@ -148,4 +148,4 @@ def test_coarse_steps_alone_are_no_stripes():
     random = np.random.default_rng(4)
     for sigma in (5.0, 7.0, 12.0, 35.0):
         sky = random.normal(1003.0, sigma, (700, 4656))
-        assert find_pattern((np.round(sky / 16.0) * 16.0).astype(np.uint16)) is None
+        assert find_row_column_pattern((np.round(sky / 16.0) * 16.0).astype(np.uint16)) is None

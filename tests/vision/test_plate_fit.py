@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.records import FloatArray, Wcs
-from rsoconsole.sky import describe, pixel_to_sky, separation_deg, tan_wcs, wcs_cards
-from rsoconsole.vision import PlateFit, refit, refit_from, solution_from
+from rsoconsole.sky import describe_field, pixel_to_sky, separation_deg, tan_wcs, wcs_cards
+from rsoconsole.vision import PlateFit, refit, refit_moved_plate, solution_from
 
 WIDTH, HEIGHT, SCALE = 4656, 3520, 1.2642
 SIZE = {"width_px": WIDTH, "height_px": HEIGHT}
@@ -155,7 +155,9 @@ def test_the_last_plate_follows_a_commanded_shift_and_an_unknown_minute_of_arc(
         dec_deg + shift[1] + miss_arcsec * np.sin(miss_angle) / 3600,
     )
     catalogue = stars_around(after, 150, rng)
-    found = refit_from(before, seen(after, catalogue, rng, 0.1), catalogue, shift_deg=shift, **SIZE)
+    found = refit_moved_plate(
+        before, seen(after, catalogue, rng, 0.1), catalogue, shift_deg=shift, **SIZE
+    )
     assert centre_error_arcsec(found, after) < 0.3
 
 
@@ -165,7 +167,7 @@ def test_the_fast_path_refuses_a_wrong_field():
     for _ in range(20):
         elsewhere = plate(ra_deg=float(rng.uniform(200, 300)))
         xy = seen(elsewhere, stars_around(elsewhere, 150, rng), rng, 0.1)
-        assert refit_from(before, xy, stars_around(before, 150, rng), **SIZE) is None
+        assert refit_moved_plate(before, xy, stars_around(before, 150, rng), **SIZE) is None
 
 
 def test_the_fast_path_refuses_a_shift_beyond_its_search():
@@ -173,15 +175,15 @@ def test_the_fast_path_refuses_a_shift_beyond_its_search():
     before, after = plate(), plate(dec_deg=-5.0 + 10 / 60)
     catalogue = stars_around(after, 200, rng)
     xy = seen(after, catalogue, rng, 0.1)
-    assert refit_from(before, xy, catalogue, **SIZE) is None
-    assert refit_from(before, xy, catalogue, shift_deg=(0.0, 10 / 60), **SIZE) is not None
+    assert refit_moved_plate(before, xy, catalogue, **SIZE) is None
+    assert refit_moved_plate(before, xy, catalogue, shift_deg=(0.0, 10 / 60), **SIZE) is not None
 
 
 def test_the_fast_path_refuses_another_camera_angle():
     rng = np.random.default_rng(9)
     before, after = plate(rotation_deg=12.0), plate(rotation_deg=192.0)
     catalogue = stars_around(after, 200, rng)
-    assert refit_from(before, seen(after, catalogue, rng, 0.1), catalogue, **SIZE) is None
+    assert refit_moved_plate(before, seen(after, catalogue, rng, 0.1), catalogue, **SIZE) is None
 
 
 def test_clouded_field_with_a_dozen_stars_still_follows():
@@ -189,7 +191,7 @@ def test_clouded_field_with_a_dozen_stars_still_follows():
     before, after = plate(), plate(dec_deg=-5.0 + 40 / 3600)
     catalogue = stars_around(after, 300, rng)
     xy = seen(after, catalogue, rng, 0.2)[:12]
-    assert centre_error_arcsec(refit_from(before, xy, catalogue, **SIZE), after) < 0.3
+    assert centre_error_arcsec(refit_moved_plate(before, xy, catalogue, **SIZE), after) < 0.3
 
 
 def test_a_solution_is_of_the_images_centre():
@@ -199,4 +201,4 @@ def test_a_solution_is_of_the_images_centre():
     fit = refit(seen(truth, catalogue, rng, 0.3), catalogue, truth, **SIZE)
     assert fit is not None
     solution = solution_from(fit, frame_id=1, path="full", ms=1.0, **SIZE)
-    assert solution.ra_icrs_deg == pytest.approx(describe(fit.wcs, **SIZE).ra_icrs_deg)
+    assert solution.ra_icrs_deg == pytest.approx(describe_field(fit.wcs, **SIZE).ra_icrs_deg)

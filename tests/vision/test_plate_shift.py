@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision import refit_from, shift_plate
+from rsoconsole.vision import refit_moved_plate, shift_plate
 from tests.vision.test_plate_fit import (
     HEIGHT,
     SCALE,
@@ -42,7 +42,7 @@ def test_few_stars_among_many_that_are_none_give_the_plate(count: int):
         catalogue = stars_around(before, 60, rng)
         visible = seen(truth, catalogue, rng, sigma_px=RMS_ARCSEC / SCALE)[:count]
         stars = among(visible, false_stars(30, rng), rng)
-        assert refit_from(before, stars, catalogue, **SIZE) is None
+        assert refit_moved_plate(before, stars, catalogue, **SIZE) is None
         found = shift_plate(before, stars, catalogue, rms_arcsec=RMS_ARCSEC, **SIZE)
         if found is None:  # more than a pixel or two off by their own noise
             continue

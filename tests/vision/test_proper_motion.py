@@ -6,12 +6,12 @@ import pytest
 from models.star_catalogue import catalogue_of, matched, read_places
 from rsoconsole.base import SolverError
 from rsoconsole.records import FloatArray
-from rsoconsole.simulator.sky.star_background import places_now
+from rsoconsole.simulator.sky.star_background import star_positions_at
 from rsoconsole.sky import (
     StarCatalogue,
     Stars,
     apply_proper_motion,
-    describe,
+    describe_field,
     iso_to_utc_ns,
     julian_year,
     separation_deg,
@@ -108,7 +108,7 @@ def test_the_simulated_sky_and_the_reduction_agree_where_a_star_is():
         at_j2000.pm_dec_mas_yr,
         julian_year(NOW_NS) - 2000.0,
     )
-    off = separation_deg(*places_now(at_j2000, NOW_NS), *now)
+    off = separation_deg(*star_positions_at(at_j2000, NOW_NS), *now)
     assert np.max(off) < 0.1 * MAS_DEG
     # Barnard's star is among them.
     assert np.max(separation_deg(*now, at_j2000.ra_icrs_deg, at_j2000.dec_icrs_deg)) > 200 / 3600
@@ -124,7 +124,7 @@ def modra_fit(name: str, epoch_jyear: float) -> tuple[PlateFit, float]:
         pixels, header = np.asarray(hdus[0].data), dict(hdus[0].header)
     height, width = pixels.shape
     start = wcs_from_cards(header)
-    field = describe(start, width, height)
+    field = describe_field(start, width, height)
     stars = StarCatalogue.load_whole_sky().cone(
         field.ra_icrs_deg,
         field.dec_icrs_deg,

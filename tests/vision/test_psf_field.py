@@ -7,7 +7,7 @@ import pytest
 
 from models.frames import TrueFrame
 from models.judging import Judge, confidences_of
-from rsoconsole.base import model_resource
+from rsoconsole.base import model_file_path
 from rsoconsole.config import DetectorConfig
 from rsoconsole.simulator import FieldContent, SensorModel
 from rsoconsole.vision import ConfidenceCurve, FrameAnalysis, StreakDetector, find_stars
@@ -25,7 +25,7 @@ from tests.drawn.soft_corners import (
     soft_and_tilted,
 )
 
-CURVE = ConfidenceCurve.from_card(json.loads(model_resource("streak_ssd.json").read_text()))
+CURVE = ConfidenceCurve.from_card(json.loads(model_file_path("streak_ssd.json").read_text()))
 IN_CENTRE: Ends = (540.0, 430.0, 658.0, 470.0)
 IN_CORNER: Ends = (1010.0, 780.0, 1128.0, 820.0)
 PLACES = [

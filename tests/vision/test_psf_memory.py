@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.base import model_resource
+from rsoconsole.base import model_file_path
 from rsoconsole.config import Config, DetectorConfig
 from rsoconsole.pipeline import FrameReducer
 from rsoconsole.records import Frame
@@ -15,7 +15,7 @@ from rsoconsole.vision.stars.psf_memory import HOLDS_NS
 from tests.drawn.soft_corners import PIXEL_FWHM, Ends, Proposes, about, drawn, soft_and_tilted
 from tests.vision.test_trailed_stars import drawn_out
 
-CURVE = ConfidenceCurve.from_card(json.loads(model_resource("streak_ssd.json").read_text()))
+CURVE = ConfidenceCurve.from_card(json.loads(model_file_path("streak_ssd.json").read_text()))
 STREAK: Ends = (540.0, 430.0, 658.0, 470.0)
 NETWORK = Proposes(about(STREAK, confidence=0.05))
 SEEING_PX = 4.2

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.records import Frame
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision import find_stars, local_background
 from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.lines.short_lines import MAX_SHORT, interleaved_lines, short_lines
@@ -50,7 +50,7 @@ def test_a_streak_of_a_few_widths_is_proposed_as_it_lies(seed):
     assert len(near) == 1
     one = near[0]
     direction = math.degrees(math.atan2(one.y_b - one.y_a, one.x_b - one.x_a)) % 180.0
-    assert turn_deg(direction, math.degrees(angle) % 180.0) < 6.0
+    assert line_angle_deg(direction, math.degrees(angle) % 180.0) < 6.0
 
 
 def test_round_stars_are_proposed_by_none():
@@ -105,7 +105,7 @@ def test_among_drawn_out_stars_what_lies_otherwise_is_proposed():
         if math.hypot(0.5 * (each.x_a + each.x_b) - 450, 0.5 * (each.y_a + each.y_b) - 300) < 10
     )
     direction = math.degrees(math.atan2(one.y_b - one.y_a, one.x_b - one.x_a)) % 180.0
-    assert turn_deg(direction, math.degrees(math.atan2(30.0, 40.0))) < 4.0
+    assert line_angle_deg(direction, math.degrees(math.atan2(30.0, 40.0))) < 4.0
 
 
 def found_at(light, rng, x: float, y: float):

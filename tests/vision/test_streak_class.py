@@ -9,7 +9,7 @@ import pytest
 from rsoconsole.records import Detection, NotAStreak, Rejection
 from rsoconsole.vision import find_stars, local_background, most_likely_class
 from rsoconsole.vision.streaks._streak_light import Fading
-from rsoconsole.vision.streaks.class_probabilities import Evidence, probabilities
+from rsoconsole.vision.streaks.class_probabilities import ClassEvidence, probabilities_from_evidence
 from rsoconsole.vision.streaks.streak_classes import classify_streaks
 from tests.drawn.drawn_classes import Drawn, drawn
 from tests.tiers import plain_first
@@ -78,7 +78,7 @@ def test_a_few_stars_in_a_row_are_no_satellite():
 
 
 def test_what_nothing_is_known_of_is_undetermined():
-    nothing = Evidence(
+    nothing = ClassEvidence(
         kind="crossing",
         length_px=500.0,
         width_px=0.0,
@@ -86,14 +86,14 @@ def test_what_nothing_is_known_of_is_undetermined():
         star_fwhm_px=2.5,
         star_scatter=0.05,
     )
-    name, probability = most_likely_class(probabilities(nothing))
+    name, probability = most_likely_class(probabilities_from_evidence(nothing))
     assert name == "undetermined"
-    assert probability == pytest.approx(1.0 - max(probabilities(nothing).values()))
+    assert probability == pytest.approx(1.0 - max(probabilities_from_evidence(nothing).values()))
 
 
-def crossing(width: float, snr: float = 500.0, scatter: float = 0.03, **more) -> Evidence:
+def crossing(width: float, snr: float = 500.0, scatter: float = 0.03, **more) -> ClassEvidence:
     """A line right through a telescope's field, so wide against the stars."""
-    return Evidence(
+    return ClassEvidence(
         kind="crossing",
         length_px=1500.0,
         width_px=3.0 * width,
@@ -108,15 +108,17 @@ def crossing(width: float, snr: float = 500.0, scatter: float = 0.03, **more) ->
 
 
 def test_what_is_out_of_focus_is_too_near_to_be_a_satellite():
-    sharp, blurred = (probabilities(crossing(width)) for width in (1.0, 1.45))
-    assert most_likely_class(probabilities(crossing(1.0)))[0] == "satellite"
-    assert most_likely_class(probabilities(crossing(1.45)))[0] == "aircraft"
+    sharp, blurred = (probabilities_from_evidence(crossing(width)) for width in (1.0, 1.45))
+    assert most_likely_class(probabilities_from_evidence(crossing(1.0)))[0] == "satellite"
+    assert most_likely_class(probabilities_from_evidence(crossing(1.45)))[0] == "aircraft"
     assert sharp["aircraft"] < 0.2
     assert blurred["satellite"] < 0.1
 
 
 def test_a_width_known_badly_decides_nothing():
-    assert most_likely_class(probabilities(crossing(1.45, snr=8.0, scatter=0.4)))[0] in {
+    assert most_likely_class(probabilities_from_evidence(crossing(1.45, snr=8.0, scatter=0.4)))[
+        0
+    ] in {
         "undetermined",
         "satellite",
     }
@@ -125,7 +127,9 @@ def test_a_width_known_badly_decides_nothing():
 @pytest.mark.parametrize("shorter_px", [0.0, 1.0, 2.0])
 def test_one_end_that_dies_is_the_shadow_and_no_meteor(shorter_px):
     fading = Fading(shorter_px=shorter_px, longer_px=60.0, length_px=250.0)
-    told = probabilities(replace(crossing(1.0), kind="streak", length_px=250.0, fading=fading))
+    told = probabilities_from_evidence(
+        replace(crossing(1.0), kind="streak", length_px=250.0, fading=fading)
+    )
     assert told["satellite"] > told["meteor"]
 
 

@@ -6,7 +6,7 @@ import pytest
 from rsoconsole.records import NotAStreak
 from rsoconsole.vision import StreakFit, find_stars, fit_streak, local_background
 from rsoconsole.vision.lines.streak_search import cut_out
-from rsoconsole.vision.streaks.streak_evenness import unevenness
+from rsoconsole.vision.streaks.streak_evenness import lumpiness_and_bend
 from rsoconsole.vision.streaks.streak_fit import NoStreak
 from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 
@@ -25,7 +25,7 @@ def uneven(pixels: np.ndarray, line: tuple[float, float, float, float], ridge_sn
     ends = ends_of(*line)
     box = min(ends[::2]), min(ends[1::2]), max(ends[::2]), max(ends[1::2])
     cutout = cut_out(pixels, local_background(sky_with()), box, 16.0, None)
-    return max(unevenness(cutout, ends, SIGMA_PX, matched(line[3], ridge_snr)))
+    return max(lumpiness_and_bend(cutout, ends, SIGMA_PX, matched(line[3], ridge_snr)))
 
 
 @pytest.mark.parametrize("ridge_snr", [2.0, 5.0, 30.0])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rsoconsole.vision.lines.streak_search import Cutout
-from rsoconsole.vision.streaks._streak_hidden import with_hidden_ends
-from rsoconsole.vision.streaks._streak_model import Line, LineFit
+from rsoconsole.vision.streaks._streak_hidden import with_masked_ends_moved
+from rsoconsole.vision.streaks._streak_model import LineFit, StreakModel
 
 NOISE, WIDTH, HEIGHT = 20.0, 60, 21
 
@@ -38,7 +38,7 @@ def hidden_end(
         frame_width=WIDTH,
         frame_height=HEIGHT,
     )
-    line = Line(
+    line = StreakModel(
         u_a=-25.0,
         u_b=u_b,
         offset=0.0,
@@ -49,7 +49,7 @@ def hidden_end(
     )
     covariance = np.diag([1.0, variance, 1.0, 1.0])
     fit = LineFit(line=line, covariance=covariance, excess=0.0, model=light)
-    return with_hidden_ends(cutout, (u, v), fit, is_used)
+    return with_masked_ends_moved(cutout, (u, v), fit, is_used)
 
 
 @pytest.mark.parametrize("level_adu", [30.0, 90.0, 400.0])

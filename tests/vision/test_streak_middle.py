@@ -5,9 +5,9 @@ import pytest
 from scipy.signal import lfilter
 
 from rsoconsole.records import FloatArray, PixelArray
-from rsoconsole.vision import StarList, local_background, to_original
+from rsoconsole.vision import StarList, detection_in_original_pixels, local_background
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.streaks.streak_middle import Middle, middle_of, with_middle
+from rsoconsole.vision.streaks.streak_middle import StreakMiddle, find_middle, with_middle_by_light
 from tests.makers import straight_detection
 
 SKY, NOISE, FWHM_PX = 400.0, 12.0, 3.0
@@ -80,12 +80,12 @@ def no_stars(sigma_px: float = 0.0) -> StarList:
 
 def measured(
     frame: PixelArray, sigma_px: float = 0.0, off_px: tuple[float, float] = (0.0, 0.0)
-) -> Middle | None:
+) -> StreakMiddle | None:
     """With ends that are off along the streak."""
     a, b = np.array(A) + off_px[0] * AHEAD, np.array(B) + off_px[1] * AHEAD
     ends = float(a[0]), float(a[1]), float(b[0]), float(b[1])
     width_px = as_wide_as_wind(sigma_px)
-    return middle_of(frame, local_background(frame), ends, no_stars(sigma_px), width_px)
+    return find_middle(frame, local_background(frame), ends, no_stars(sigma_px), width_px)
 
 
 def errors(sigma_px: float, count: int = 30, **more: object) -> tuple[FloatArray, FloatArray]:
@@ -152,17 +152,17 @@ def test_a_whole_streak_alone_has_one() -> None:
     sky = local_background(frame)
     ends = {"x_a_px": A[0], "y_a_px": A[1], "x_b_px": B[0], "y_b_px": B[1]}
     whole = straight_detection(**ends)
-    told = with_middle(frame, sky, no_stars(0.5), whole)
+    told = with_middle_by_light(frame, sky, no_stars(0.5), whole)
     assert told.light_offset_px is not None
     assert told.light_length_px == pytest.approx(LENGTH, abs=3.0)
     assert told == whole  # an older night's streak, measured again, is the same one
     for other in ({"is_clipped": True}, {"method": "box"}):
         detection = straight_detection(**ends, **other)
-        assert with_middle(frame, sky, no_stars(0.5), detection).light_offset_px is None
+        assert with_middle_by_light(frame, sky, no_stars(0.5), detection).light_offset_px is None
 
 
 def test_in_a_frame_of_joined_pixels_it_is_in_those_of_the_original() -> None:
     joined = straight_detection(light_offset_px=0.5, light_sigma_px=0.25, light_length_px=118.0)
-    told = to_original(joined, 2)
+    told = detection_in_original_pixels(joined, 2)
     assert (told.light_offset_px, told.light_sigma_px, told.light_length_px) == (1.0, 0.5, 236.0)
     assert told.light_length_sigma_px is None

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rsoconsole.vision import Trace, find_stars, local_background, trace_line
+from rsoconsole.vision import LineTrace, find_stars, local_background, trace_line
 from tests.drawn.drawn_lines import (
     exposed,
     integrated_snr,
@@ -18,7 +18,7 @@ SHAPE = (600, 900)
 SIGMA_PX = 1.2
 
 
-def traced(light, ends, rng, sigma=SIGMA_PX, off_px=3.0) -> Trace | None:
+def traced(light, ends, rng, sigma=SIGMA_PX, off_px=3.0) -> LineTrace | None:
     """From a proposal that is some pixels off at either end."""
     pixels = exposed(light, rng)
     sky = local_background(pixels)
@@ -26,7 +26,7 @@ def traced(light, ends, rng, sigma=SIGMA_PX, off_px=3.0) -> Trace | None:
     return trace_line(pixels, sky, guess, find_stars(pixels, sky), 2.3548 * sigma)
 
 
-def errors(trace: Trace, ends) -> tuple[float, float, float, float]:
+def errors(trace: LineTrace, ends) -> tuple[float, float, float, float]:
     """Across at the true middle (px), direction (deg), and both ends along (px)."""
     x_a, y_a, x_b, y_b = ends
     length = math.hypot(x_b - x_a, y_b - y_a)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rsoconsole.instruments import read_frame
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision import Candidate, LineLight, find_stars
 from rsoconsole.vision.detector._reject_artifacts import reject_star_trails
-from rsoconsole.vision.stars.star_list import Trail
+from rsoconsole.vision.stars.star_list import StarTrail
 from rsoconsole.words import text
 from tests.makers import straight_detection
 from tests.tiers import plain_first
@@ -74,7 +74,7 @@ def test_trailed_stars_are_where_the_points_were(plain, length_px, angle_deg):
     found = find_stars(drawn_out(plain, length_px, angle_deg, 3))
     assert found.trail is not None
     assert found.trail.length_px == pytest.approx(length_px, rel=0.12)
-    assert turn_deg(found.trail.angle_deg, angle_deg) < 2.0
+    assert line_angle_deg(found.trail.angle_deg, angle_deg) < 2.0
     assert found.trail.fwhm_px == pytest.approx(points.median_fwhm_px, rel=0.35)
     brightest = slice(0, 60)
     away = np.hypot(
@@ -114,7 +114,7 @@ def test_stars_that_are_points_are_told_to_be(pattern, step):
     ],
 )
 def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, roughness, is_kept):
-    trail = Trail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
+    trail = StarTrail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
     found = straight_detection(angle_deg=angle_deg, length_px=length_px, confidence=confidence)
     light = LineLight(lower_quartile_snr=20.0, roughness=roughness)
     candidate = Candidate(found=found, light=light)
@@ -125,7 +125,7 @@ def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, ro
 
 
 def test_what_images_of_the_stars_know_for_a_line_stays_along_their_trails():
-    trail = Trail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
+    trail = StarTrail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
     found = straight_detection(angle_deg=62.0, length_px=30.0, confidence=0.5)
     light = LineLight(lower_quartile_snr=20.0, roughness=0.3, over_stars=300.0, left=1.0)
     kept, chains = reject_star_trails([Candidate(found=found, light=light)], trail)

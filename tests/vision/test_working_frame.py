@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 
 from rsoconsole.config import DetectorConfig
 from rsoconsole.records import Frame
-from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, WorkingFrame, to_original
+from rsoconsole.vision import (
+    ConfidenceCurve,
+    Network,
+    StreakDetector,
+    WorkingFrame,
+    detection_in_original_pixels,
+)
 from tests.drawn.drawn_lines import exposed, integrated_snr, line_of_light, stars
 from tests.makers import straight_detection
 
@@ -19,7 +25,7 @@ def test_places_go_there_and_back(side, x, y):
     found = straight_detection(
         x_px=(x + 0.5) / side - 0.5, y_px=(y + 0.5) / side - 0.5, length_px=100.0 / side
     )
-    back = to_original(found, side)
+    back = detection_in_original_pixels(found, side)
     assert (back.x_px, back.y_px) == pytest.approx((x, y), abs=1e-6)
     assert back.length_px == pytest.approx(100.0)
     assert back.angle_deg == pytest.approx(found.angle_deg, abs=1e-6)
@@ -35,7 +41,7 @@ def test_a_joined_pixel_is_the_mean_of_its_own(side):
     first = pixels[:side, side : 2 * side].astype(float).mean()
     assert working.frame.pixels[0, 1] == pytest.approx(first, rel=1e-5)
     assert working.frame.scale_arcsec_px == pytest.approx(1.5 * side)
-    assert working.px(0.0) == pytest.approx((side - 1) / 2)
+    assert working.to_original_px(0.0) == pytest.approx((side - 1) / 2)
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The demo's night of chosen satellites: from the text that the user typed to a ``NightPlan``."""
+"""The plan of a demo night of chosen satellites, made from their names as typed."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from rsoconsole.base import ConfigError, value_errors_as
 from rsoconsole.config import Config
 from rsoconsole.simulator import NightPlan
 from rsoconsole.sky import iso_to_utc_ns
-from rsoconsole.words import clock, time_left_words
+from rsoconsole.words import time_left_words, utc_text
 
 
 def plan_targets(
@@ -19,9 +19,9 @@ def plan_targets(
     suitable time. Raises OrbitError for unknown or ambiguous names, ConfigError where the
     satellites cannot be seen or ``at`` is no time, SolverError where their sky has no stars.
     """
-    from rsoconsole.orbits import find_object, nearest_in_epoch_of_each
+    from rsoconsole.orbits import find_object, nearest_epoch_entries
     from rsoconsole.pipeline import read_catalogue
-    from rsoconsole.simulator import choose_night, satellite_of
+    from rsoconsole.simulator import choose_night, satellite_from_entry
 
     files = config.catalogue.tle_files
     at_utc_ns = None if at is None else _instant(at)
@@ -33,36 +33,36 @@ def plan_targets(
     # Without a time the newest elements are used, around whose epoch a night is looked for.
     newest_ns = max(each.epoch_utc_ns for found in sets for each in found)
     near_ns = newest_ns if at_utc_ns is None else at_utc_ns
-    chosen = [nearest_in_epoch_of_each(found, near_ns)[0] for found in sets]
+    chosen = [nearest_epoch_entries(found, near_ns)[0] for found in sets]
     return choose_night(
-        [satellite_of(each) for each in chosen],
+        [satellite_from_entry(each) for each in chosen],
         config,
         seed=seed,
         frames=frames,
         at_utc_ns=at_utc_ns,
         element_files=files,
-        star_file=whole_sky_stars(config),
+        star_file=whole_sky_index_file(config),
     )
 
 
-def whole_sky_stars(config: Config) -> Path | None:
+def whole_sky_index_file(config: Config) -> Path | None:
     """The installed whole-sky index file with the most stars; None where there is none."""
-    from rsoconsole.instruments import list_index_files, search_dirs
-    from rsoconsole.sky import holds_stars
+    from rsoconsole.instruments import folders_to_search, list_index_files
+    from rsoconsole.sky import has_tycho2_stars
 
-    files = list_index_files(search_dirs(config.solver.index_dirs))
+    files = list_index_files(folders_to_search(config.solver.index_dirs))
     whole = [each for each in files if each.is_healthy and each.is_whole_sky]
     # The smaller its quads, the more stars a file has.
     for each in sorted(whole, key=lambda file: file.quad_deg):
-        if holds_stars(each.path):
+        if has_tycho2_stars(each.path):
             return each.path
     return None
 
 
-def planned_config(config: Config, plan: NightPlan) -> Config:
-    """The configuration with the plan's exposures and a search at the plan's first pointing.
+def config_for_plan(config: Config, plan: NightPlan) -> Config:
+    """Return the configuration with the plan's exposures and a search that stays in one place.
 
-    A low satellite is followed by leaps.
+    Leaps are enabled where the plan asks for them (low satellites).
     """
     exposure = config.exposure.model_copy(
         update={"exposure_s": plan.exposure_s, "cadence_s": plan.cadence_s}
@@ -76,7 +76,8 @@ def plan_words(plan: NightPlan) -> str:
     """The plan in a sentence for people: objects, site, start, length, exposures."""
     return (
         f"{plan.title} from {plan.site.latitude_deg:+.2f} {plan.site.longitude_deg:+.2f},"
-        f" {clock(plan.t_start_utc_ns, 'dated')}, to be seen for {time_left_words(plan.visible_s)};"
+        f" {utc_text(plan.t_start_utc_ns, 'dated')},"
+        f" to be seen for {time_left_words(plan.visible_s)};"
         f" {plan.exposure_s:g} s every {plan.cadence_s:g} s"
     )
 

@@ -14,15 +14,15 @@ BUSY_SHARE = 0.5
 
 
 def run_bench(config: Config, *, json_: bool) -> None:
-    """Measure and print; exit 1 where the configured exposure and cadence cannot be held."""
+    """Measure this machine; exit 1 if it cannot hold the configured exposure and cadence."""
     from rsoconsole.engine import (
         STAGES,
         free_bytes,
         load_share,
         machine_identity,
-        measure,
-        medium_of,
         read_machine,
+        read_recording_medium,
+        run_benchmark,
         summarise_bench,
         summary_lines,
         troubles_of,
@@ -30,12 +30,12 @@ def run_bench(config: Config, *, json_: bool) -> None:
     from rsoconsole.instruments import utc_now_ns
 
     here, busy, before = machine_identity(), load_share(), read_machine()
-    medium = medium_of(config.session.root)
+    medium = read_recording_medium(config.session.root)
     output.print_to_stderr(
         f"drawing a frame of {config.optics.width_px} x {config.optics.height_px} px"
     )
-    fits = draw_fits(config)
-    result = measure(config, fits, report=output.print_to_stderr)
+    fits = draw_bench_frame(config)
+    result = run_benchmark(config, fits, report=output.print_to_stderr)
     after = read_machine()
     summary = summarise_bench(config, result, free_bytes(config.session.root), utc_now_ns())
     notes = list(result.notes)
@@ -57,7 +57,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
         output.emit_json({"kind": "machine", **machine})
         for stage in result.stages:
             output.emit_json({"kind": "stage", **asdict(stage)})
-        output.emit_json({"kind": "verdict", **asdict(summary), "ok": summary.is_enough})
+        output.emit_json({"kind": "verdict", **asdict(summary), "ok": summary.is_fast_enough})
     else:
         output.say(here.words)
         output.say(
@@ -75,7 +75,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
             )
         output.say(f"rounds counted: {max(stage.repeats for stage in result.stages)}")
         output.say(*summary_lines(summary), *(f"note: {note}" for note in notes))
-    output.exit_if(not summary.is_enough, "this machine does not hold what is configured")
+    output.exit_if(not summary.is_fast_enough, "this machine does not hold what is configured")
 
 
 def _heat(before_c: float | None, after_c: float | None) -> str:
@@ -84,8 +84,8 @@ def _heat(before_c: float | None, after_c: float | None) -> str:
     return f", {before_c:.0f} °C before and {after_c:.0f} after"
 
 
-def draw_fits(config: Config) -> bytes:
-    """A drawn FITS frame of the configured optics and exposure, with a satellite in its middle."""
+def draw_bench_frame(config: Config) -> bytes:
+    """Return a simulated FITS frame by the configured optics, a satellite in its middle."""
     import numpy as np
 
     from rsoconsole.orbits import Satellite

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import typer
 
-from rsoconsole.base import ConfigError, waits_reported_to
-from rsoconsole.cli.demo.demo_night import Night, NightProcess, run_night
+from rsoconsole.base import ConfigError, report_waits_to
+from rsoconsole.cli.demo.demo_night import NightProcess, SimulatedNight, run_night
 from rsoconsole.cli.words import completion, output
-from rsoconsole.cli.words.options import JsonOption, SessionOption, site_of
+from rsoconsole.cli.words.options import JsonOption, SessionOption, parse_site
 from rsoconsole.config import Config, Preset, load_config
-from rsoconsole.instruments import stop_past_engine
+from rsoconsole.instruments import stop_without_engine
 from rsoconsole.records import Site
 from rsoconsole.words import direction, number, semi_major_axis_words
 
@@ -102,24 +102,25 @@ def demo(
     """Watch a simulated observatory find a satellite and follow it.
 
     Opens the console where there is a terminal, else prints a line for each
-    frame. A simulated mount and camera speak INDI on this machine; everything
-    behind them is the real program. Your configuration file has no part in it,
-    but for the folder of the sessions and the library that speaks INDI.
+    frame. A simulated mount and camera speak INDI on this machine; all else is
+    the real program. Your configuration file counts only for the folder of the
+    sessions and the library that speaks INDI.
 
     The console is at its best from 80 x 24; x is STOP, q leaves, F1 shows the
-    other keys. Left running, the demo ends by itself some time after its night.
+    other keys. A demo left running ends by itself some time after its night.
 
-    'rsoconsole status' and 'rsoconsole stop' reach it from another terminal;
-    beside an engine that runs already they need --socket, and the demo says which.
+    'rsoconsole status' and 'rsoconsole stop' reach it from another terminal.
+    Where another engine runs already they need --socket with the path that the
+    demo prints.
 
     --world makes the night imperfect: shutter, seeing, focus, wind, sensor, clock,
     optics, mount, flashing, clouds, aircraft, lost frames. Each imperfection is a
     setting, e.g. drift_px = 12 under [stars]; rsoconsole/simulator/README.md lists
-    all with their units, and the laws by which 'random' draws them. What a file
-    does not name stays as it is.
+    all with units, and how 'random' draws their values. A setting that the file
+    does not name keeps its default.
 
-    With --target it is a night of any satellites: without --at a time is picked
-    when they are up, lit, in darkness and in one field. Every object of the
+    --target makes a night of any satellites: without --at the program picks a time
+    when they are up, sunlit, in a dark sky and in one field. Every object of the
     element sets is in that sky. Beyond 12 deg from the equator it needs the
     whole sky's stars ('rsoconsole index install').
 
@@ -129,7 +130,7 @@ def demo(
 
     Example: rsoconsole demo --world random --seed 7
     """
-    from rsoconsole.cli.demo._demo_targets import plan_targets, plan_words, planned_config
+    from rsoconsole.cli.demo._demo_targets import config_for_plan, plan_targets, plan_words
     from rsoconsole.simulator import (
         DAYTONA_BEACH,
         NIGHT_FRAMES,
@@ -150,16 +151,16 @@ def demo(
     if frames is None and not is_seen:
         frames = FRAMES_UNSEEN
     scenario = named or scenario
-    night = Night(scenario=scenario, seed=seed, speed=pace, frames=frames, session=session)
+    night = SimulatedNight(scenario=scenario, seed=seed, speed=pace, frames=frames, session=session)
     if target:
         config = demo_config(
-            site_of(site) if site else DAYTONA_BEACH,
+            parse_site(site) if site else DAYTONA_BEACH,
             preset=preset,
             keep_frames=keeps,
             catalogue=catalogue,
         )
         plan = plan_targets(target, config, at=at, seed=seed, frames=frames or NIGHT_FRAMES)
-        config = planned_config(config, plan)
+        config = config_for_plan(config, plan)
         night = replace(night, scenario=plan.title, plan=plan.to_table())
         heading: tuple[str, ...] = (plan_words(plan),)
     elif at or site:
@@ -169,14 +170,14 @@ def demo(
         config = demo_config(known.site, preset=preset, keep_frames=keeps, catalogue=catalogue)
         heading = (known.title, *known.description.splitlines())
     imperfect = _world_of(world, seed)
-    config = config_in(imperfect, config)
-    night = replace(night, world=imperfect.named())
+    config = config_for_world(imperfect, config)
+    night = replace(night, world=imperfect.non_default_settings())
     if not (headless or json_):
         output.say(*heading)
     if is_seen and not lines:
         _watch_night(config, night)
         return
-    with waits_reported_to(output.print_to_stderr):
+    with report_waits_to(output.print_to_stderr):
         found = run_night(config, night) if headless or json_ else _print_night(config, night)
     if json_:
         output.emit_json(found)
@@ -193,9 +194,9 @@ def _world_of(named: str | None, seed: int) -> "World":
     return random_world(seed) if named == "random" else load_world(Path(named))
 
 
-def config_in(world: "World", config: Config) -> Config:
-    """The configuration with what an operator of this world's telescope would know of it."""
-    from rsoconsole.simulator import binned
+def config_for_world(world: "World", config: Config) -> Config:
+    """Return the configuration with what an operator would know of a simulated telescope."""
+    from rsoconsole.simulator import binned_optics
 
     exposure: dict[str, float] = {}
     if world.known_latency_s:
@@ -206,13 +207,13 @@ def config_in(world: "World", config: Config) -> Config:
         exposure["frame_timeout_s"] = DROPPED_TIMEOUT_S
     return config.model_copy(
         update={
-            "optics": binned(config.optics, world),
+            "optics": binned_optics(config.optics, world),
             "exposure": config.exposure.model_copy(update=exposure),
         }
     )
 
 
-def _watch_night(config: Config, night: Night) -> None:
+def _watch_night(config: Config, night: SimulatedNight) -> None:
     """Run the night in a process of its own, the console in this terminal."""
     from rsoconsole.console import run_console
 
@@ -221,10 +222,10 @@ def _watch_night(config: Config, night: Night) -> None:
     at = _socket_words(process.socket)
     if at:
         output.say(*_beside_lines(process.socket))
-    ending = run_console(socket=process.socket, owns_engine=True, stop_directly=stop_past_engine)
+    ending = run_console(socket=process.socket, owns_engine=True, stop_directly=stop_without_engine)
     if ending == "stop engine":
         output.say("the engine ends ...")
-        _say_summary(process.figures())
+        _say_summary(process.wait_for_figures())
         return
     output.say(f"the demo's engine runs on; session {process.session}")
     output.say("left alone it ends some time after its night; the console again, and its end:")
@@ -245,7 +246,7 @@ def _beside_lines(socket: Path) -> tuple[str, ...]:
     )
 
 
-def _print_night(config: Config, night: Night) -> dict[str, Any]:
+def _print_night(config: Config, night: SimulatedNight) -> dict[str, Any]:
     """Run the night here, with a line for each frame; return its figures."""
 
     def has_started(_folder: Path, socket: Path) -> None:
@@ -268,7 +269,7 @@ def _cycle_line(engine: "Engine", reduction: "Reduction") -> str:
     """Line on a frame and on the loop's state after it; ``_CYCLE_HEADING`` names the columns."""
     following = engine.following
     start = f"{engine.frame_id:5d} {following.state:8}"
-    track, taken = following.track, following.taken
+    track, taken = following.track, following.lead_measured
     if following.state == "TRACK" and track is not None and taken is not None:
         place = direction(taken.ra_icrs_deg, taken.dec_icrs_deg, "bare")
         line = f"{start} {place} {taken.confidence:9.2f}"
@@ -335,9 +336,9 @@ def _track_words(track: dict[str, Any]) -> tuple[str, str]:
 def demo_config(
     site: Site, *, preset: Preset, keep_frames: KeepFrames, catalogue: Sequence[Path] = ()
 ) -> Config:
-    """The default configuration at the scenario's site, with the user's settings of this machine.
+    """Return the default configuration for a site, with two of the user's own settings.
 
-    The latter are the sessions' folder and the library that speaks INDI. The defaults describe the
+    The two are the sessions' folder and the library that speaks INDI. The defaults describe the
     telescope that the scenarios simulate. ``catalogue``: element files.
     """
     own = _own_settings()

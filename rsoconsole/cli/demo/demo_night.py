@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import platformdirs
 
-from rsoconsole.base import ControlError, InstrumentError, RsoconsoleError, waits_reported_to
+from rsoconsole.base import ControlError, InstrumentError, RsoconsoleError, report_waits_to
 from rsoconsole.config import APP, Config
 
 if TYPE_CHECKING:
@@ -38,8 +38,8 @@ ABANDONED_S = 900.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Night:
-    """A simulated night: scenario or plan, seed, speed, length, imperfections."""
+class SimulatedNight:
+    """Settings of a simulated night: scenario or plan, seed, speed, length, imperfections."""
 
     scenario: str
     seed: int
@@ -56,15 +56,16 @@ class Night:
 
 def run_night(
     config: Config,
-    night: Night,
+    night: SimulatedNight,
     *,
     on_cycle: "Callable[[Engine, Reduction], None] | None" = None,
     on_start: Callable[[Path, Path], None] | None = None,
 ) -> dict[str, Any]:
-    """Run observatory and engine until the night is over; return its figures against the truth.
+    """Run observatory and engine until the night is over; return a summary of the run.
 
-    ``on_cycle`` is called after each frame. ``on_start`` is called with the session's folder and
-    the engine's socket once the engine listens.
+    The summary compares the session with the simulated truth. ``on_cycle``: called after each
+    frame. ``on_start``: called with the session's folder and the engine's socket once the engine
+    listens.
     """
     from rsoconsole.cli.judge.summary import read_truth, summarise
     from rsoconsole.control import default_socket_path
@@ -74,7 +75,7 @@ def run_night(
 
     with tempfile.TemporaryDirectory(prefix="rsoconsole-") as scratch:
         truth_path = Path(scratch) / "truth.jsonl"
-        socket = control_socket(Path(scratch))
+        socket = demo_socket(Path(scratch))
         with start_observatory(
             night.scenario, night.seed, night.speed, truth_path, plan=night.plan, world=night.world
         ) as observatory:
@@ -115,12 +116,12 @@ def run_night(
                 # Another engine has taken the usual place since it was looked at.
                 folder = engine_at(Path(scratch) / SCRATCH_SOCKET)
         records = (record for _, _, record in SessionReader(folder).records())
-        figures = summarise(records, read_truth(truth_path), targets_of(night))
+        figures = summarise(records, read_truth(truth_path), target_names(night))
     about = {"scenario": night.scenario, "seed": night.seed, "session": str(folder)}
     return {**about, **figures, "world": dict(night.world)}
 
 
-def _record_world(night: Night, session: Path) -> None:
+def _record_world(night: SimulatedNight, session: Path) -> None:
     """Write the imperfections into the session's folder, to simulate the night again."""
     from rsoconsole.session import WORLD
     from rsoconsole.simulator import world_from, world_to_toml
@@ -129,8 +130,8 @@ def _record_world(night: Night, session: Path) -> None:
         (session / WORLD).write_text(world_to_toml(world_from(night.world)), encoding="utf-8")
 
 
-def targets_of(night: Night) -> dict[int, str]:
-    """The satellites for which the night was made: names by catalogue number."""
+def target_names(night: SimulatedNight) -> dict[int, str]:
+    """Return the names, by catalogue number, of the satellites for which the night was made."""
     if night.plan is not None:
         return dict(zip(night.plan["targets"], night.plan["names"], strict=True))
     from rsoconsole.simulator import scenario_named
@@ -139,8 +140,8 @@ def targets_of(night: Night) -> dict[int, str]:
     return {} if target is None else {target.element_set.norad_id: target.element_set.name}
 
 
-def control_socket(scratch: Path) -> Path | None:
-    """Socket for the demo: None, the default, if no engine uses that, or one in ``scratch``."""
+def demo_socket(scratch: Path) -> Path | None:
+    """Return a socket path in ``scratch``; None where no engine uses the default path."""
     from rsoconsole.control import EngineLock, default_socket_path
 
     try:
@@ -155,7 +156,7 @@ class NightProcess:
     """A night in a separate process, which outlives the process that started it."""
 
     def __init__(
-        self, config: Config, night: Night, on_wait: Callable[[str], None] = log.info
+        self, config: Config, night: SimulatedNight, on_wait: Callable[[str], None] = log.info
     ) -> None:
         """Start the process and wait until its engine listens.
 
@@ -192,7 +193,7 @@ class NightProcess:
         self.socket = Path(started["socket"])
         self.session = Path(started["session"])
 
-    def figures(self) -> dict[str, Any]:
+    def wait_for_figures(self) -> dict[str, Any]:
         """Wait for the night's end; return its figures. Raises InstrumentError if it failed."""
         figures = self._line()
         self._process.wait()
@@ -207,10 +208,11 @@ class NightProcess:
 
 
 def end_when_abandoned(socket: Path, starter: int) -> None:
-    """End the engine at ``socket`` once it is abandoned; returns when the engine has ended.
+    """End the engine at ``socket`` once it is abandoned; return when the engine has ended.
 
-    Abandoned: the process with the id ``starter`` has ended, and for ``ABANDONED_S`` autonomy has
-    not had the mount (after dawn, a STOP, a fault). Consoles that were attached later do not count.
+    It is abandoned when the process ``starter`` (an id) has ended and autonomy has been without
+    control for ``ABANDONED_S`` (after dawn, a STOP, a fault). Consoles attached later do not
+    count.
     """
     from rsoconsole.control import AskStatus, ControlClient, Sender, Shutdown, read_status
 
@@ -236,7 +238,9 @@ def main() -> int:
     logging.basicConfig(stream=sys.stderr, level=logging.INFO)
     order = json.loads(sys.stdin.readline())
     table = order["night"]
-    night = Night(**{**table, "session": Path(table["session"]) if table["session"] else None})
+    night = SimulatedNight(
+        **{**table, "session": Path(table["session"]) if table["session"] else None}
+    )
 
     def report(message: dict[str, Any]) -> None:
         # Anyone who asked may be gone: the night goes on.
@@ -244,7 +248,7 @@ def main() -> int:
             print(json.dumps(message), flush=True)
 
     waits = contextlib.ExitStack()
-    waits.enter_context(waits_reported_to(lambda words: report({"waiting": words})))
+    waits.enter_context(report_waits_to(lambda words: report({"waiting": words})))
 
     def has_started(folder: Path, path: Path) -> None:
         waits.close()

@@ -1,8 +1,8 @@
 """Evaluation of a run with the simulated observatory, object by object.
 
-A detection or measurement belongs to the object on whose true streak it lies, in pixels of its
-frame; of several objects, to the one whose streak has the nearest middle. Pixels suit objects of
-any rate; an angle on the sky does not: 0.01 s of the shutter is 20 arcsec of a low satellite.
+A detection or measurement belongs to the object on whose true streak it lies; where it lies on
+several, to the one whose middle is nearest. Distances are in pixels, which suit objects of any
+rate: in angle, 0.01 s of shutter error is 20 arcsec for a low satellite.
 """
 
 import math
@@ -16,10 +16,9 @@ import numpy as np
 from rsoconsole.night import FrameTrack, NightFrame, rms
 from rsoconsole.records import Detection, Identified, Measurement, TrackState
 from rsoconsole.sky import wrap_180
-from rsoconsole.tracking import lag_one, sky_covariance_arcsec2
+from rsoconsole.tracking import lag_one_correlation, sky_covariance_arcsec2
 
 VISIBLE_SNR = 20.0
-"""Integrated SNR from which a satellite in the field counts as visible."""
 BESIDE_FWHM = 4.0
 """Largest distance of a detection from its true streak, in FWHM of the frame's stars."""
 BETWEEN = 2.0
@@ -54,31 +53,32 @@ class _Tally:
 def objects_figures(
     views: Sequence[tuple[NightFrame, Mapping[str, Any]]], targets: Mapping[int, str]
 ) -> list[dict[str, Any]]:
-    """The summary's ``objects``: the targets, then all that was ever visible or detected.
+    """Return the summary's ``objects``: the targets, then all objects visible or detected.
 
     ``views``: each frame with its exposure's truth. A track belongs to the object of its first
     measurement: the nearest one, the brighter of two about as near, a visible one before others.
     Keys of each object:
 
-    - ``detections``: frames in which a streak of the object was detected.
-    - ``visible_frames``: frames with its position at mid-exposure in the field and an integrated
-      SNR of at least ``VISIBLE_SNR``.
-    - ``track_frames``: frames in which its track accepted a measurement of it.
-    - ``measured_rms_arcsec``: error of all its measurements; of clipped streaks, across them alone.
+    - ``detections``: number of frames in which a streak of the object was detected.
+    - ``visible_frames``: number of frames with its mid-exposure position in the field and an
+      integrated SNR of at least ``VISIBLE_SNR``.
+    - ``track_frames``: number of frames in which its track accepted a measurement of it.
+    - ``measured_rms_arcsec``: error of its measurements; of a clipped streak only across the
+      streak.
     - ``prediction_rms_arcsec``: error of its track's predictions, one step ahead.
     - ``identified``: whether the last identification of its track is right; None without one.
-    - ``false_measurements``: measurements accepted by its track that are not of the object.
+    - ``false_measurements``: number of measurements of other objects that its track accepted.
     - ``detected_after_lock``: frames after its track's first one in which it was detected.
-    - ``tracked_after_lock``: those of the latter in which its track accepted it.
+    - ``tracked_after_lock``: frames of ``detected_after_lock`` in which its track accepted it.
     - ``inside_3sigma``: fraction of visible frames with the truth inside the prediction's 3-sigma
-      ellipse; the clock's constant lateness is taken out.
+      ellipse, after removal of the clock's constant lateness.
     - ``nis_mean``: mean NIS.
-    - ``whiteness``: lag-one correlation of the innovations in their sigmas; sound within 2 /
-      sqrt(n).
+    - ``whiteness``: lag-one correlation of the innovations in units of their sigmas; sound within
+      2 / sqrt(n).
     - ``longest_wrong``: longest run of visible frames in which the lead track accepted an object
       other than the first one locked.
-    - ``swapped_frames``: frames in which its track accepted another object's streak, although the
-      frame can show the two apart (``APART_FWHM``).
+    - ``swapped_frames``: number of frames in which its track accepted another object's streak
+      although the two are far enough apart to be told apart (``APART_FWHM``).
     """
     judge = _Judge({number: _Tally(name) for number, name in targets.items()})
     for frame, truth in views:
@@ -119,7 +119,7 @@ class _Field:
         near = self.near(at)
         return min(near)[1] if near else None
 
-    def begun_on(self, at: Measurement) -> int | None:
+    def object_of_new_track(self, at: Measurement) -> int | None:
         """Object to which a new track belongs, by its first measurement; None for no object.
 
         Visible objects come before others; of objects about equally near, the brightest.
@@ -180,7 +180,7 @@ class _Judge:
         sky = _Field.of(truth)
         seen = self._count(frame, sky)
         late_ns, taken_by = truth.get("always_late_ns", 0), dict[int, int | None]()
-        steps = steps_of(frame)
+        steps = steps_by_track_id(frame)
         before = {self.followed[n] for n in steps if n in self.followed}
         for track_id, step in steps.items():
             on = self.followed.get(track_id)
@@ -189,7 +189,7 @@ class _Judge:
             taken = _taken(frame, step)
             if taken is not None:
                 is_new = step.updated is not None and step.updated.kind == "initial"
-                number = sky.begun_on(taken) if is_new else sky.object_at(taken)
+                number = sky.object_of_new_track(taken) if is_new else sky.object_at(taken)
                 if sky.is_of_both(step, taken, on, number):
                     number = on
                 taken_by[track_id] = number
@@ -214,7 +214,7 @@ class _Judge:
         for number, each in sky.there.items():
             if each["is_in_frame"] and each["snr_integrated"] >= VISIBLE_SNR:
                 self._of(number, sky).visible_frames += 1
-        seen = {n for each in frame.found if (n := sky.object_at(each)) is not None}
+        seen = {n for each in frame.detected_streaks if (n := sky.object_at(each)) is not None}
         for number in seen:
             self._of(number, sky).detections += 1
         for measurement in frame.measurements:
@@ -260,13 +260,13 @@ def is_on_a_streak(measurement: Measurement, truth: Mapping[str, Any]) -> bool:
     return bool(_Field.of(truth).near(measurement))
 
 
-def offset_arcsec(
+def direction_offset_arcsec(
     true: Mapping[str, Any], ra_deg: float, dec_deg: float, t_utc_ns: int
 ) -> tuple[float, float]:
-    """Offset (east, north), arcsec, of a direction from a satellite's true direction at an instant.
+    """Return a direction's offset (east, north), arcsec, from a satellite's true direction.
 
-    ``true``: the satellite's truth, with the instant of its position. With a rolling shutter the
-    streaks of one frame have different instants.
+    ``true``: the satellite's truth, moved by its rates to ``t_utc_ns``, the time of the
+    direction: with a rolling shutter the streaks of one frame have different times.
     """
     later_s = (t_utc_ns - true.get("t_utc_ns", t_utc_ns)) / 1e9
     true_ra_deg, true_dec_deg = float(true["ra_icrs_deg"]), float(true["dec_icrs_deg"])
@@ -277,15 +277,17 @@ def offset_arcsec(
     return wrap_180(ra_deg - true_ra_deg) * cos_dec * 3600.0, (dec_deg - true_dec_deg) * 3600.0
 
 
-def offset_of(measurement: Measurement, true: Mapping[str, Any]) -> tuple[float, float]:
+def measurement_offset_arcsec(
+    measurement: Measurement, true: Mapping[str, Any]
+) -> tuple[float, float]:
     """Offset (east, north), arcsec, of a measurement from the satellite's true direction."""
     at = (measurement.ra_icrs_deg, measurement.dec_icrs_deg)
-    return offset_arcsec(true, *at, measurement.t_mid_utc_ns)
+    return direction_offset_arcsec(true, *at, measurement.t_mid_utc_ns)
 
 
 def _error_arcsec(measurement: Measurement, true: Mapping[str, Any]) -> float | None:
     """Distance from the truth; of a clipped streak across it, where its direction is known."""
-    east, north = offset_of(measurement, true)
+    east, north = measurement_offset_arcsec(measurement, true)
     if not measurement.is_clipped:
         return math.hypot(east, north)
     if measurement.ends_icrs_deg is None:
@@ -314,7 +316,7 @@ def _judge_prediction(
         sigmas = updated.sigma_innovation_arcsec
         tally.innovations.append((east / sigmas[0], north / sigmas[1]))
     if predicted.misses <= 1:
-        off = offset_arcsec(true, predicted.x[0], predicted.x[2], predicted.t_utc_ns)
+        off = direction_offset_arcsec(true, predicted.x[0], predicted.x[2], predicted.t_utc_ns)
         tally.predicted_arcsec.append(math.hypot(*off))
 
 
@@ -326,21 +328,21 @@ def _judge_bounds(
     The clock's constant lateness, which no measurement shows, is taken out.
     """
     t_utc_ns = predicted.t_utc_ns + always_late_ns
-    off = np.array(offset_arcsec(true, predicted.x[0], predicted.x[2], t_utc_ns))
+    off = np.array(direction_offset_arcsec(true, predicted.x[0], predicted.x[2], t_utc_ns))
     spread = sky_covariance_arcsec2(predicted)
     if np.linalg.det(spread) > 0.0:
         tally.inside_3sigma.append(float(off @ np.linalg.solve(spread, off)) <= 9.0)
 
 
-def taken_of(frame: NightFrame) -> Measurement | None:
+def lead_measured(frame: NightFrame) -> Measurement | None:
     """The measurement that the lead track accepted in a frame; None where it accepted none."""
-    steps = steps_of(frame)
+    steps = steps_by_track_id(frame)
     lead = lead_track_id(steps)
     return None if lead is None else _taken(frame, steps[lead])
 
 
-def steps_of(frame: NightFrame) -> dict[int, FrameTrack]:
-    """Steps of a frame by track id: the track before and after the frame."""
+def steps_by_track_id(frame: NightFrame) -> dict[int, FrameTrack]:
+    """Return a frame's tracks by id, each as before and after the frame."""
     return {each.track_id: each for each in frame.tracks}
 
 
@@ -377,5 +379,5 @@ def _figures(number: int, tally: _Tally) -> dict[str, Any]:
         "prediction_rms_arcsec": rms(tally.predicted_arcsec),
         "inside_3sigma": statistics.fmean(tally.inside_3sigma) if tally.inside_3sigma else None,
         "nis_mean": statistics.fmean(tally.nis) if tally.nis else None,
-        "whiteness": lag_one(tally.innovations),
+        "whiteness": lag_one_correlation(tally.innovations),
     }

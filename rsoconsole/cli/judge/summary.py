@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import json_of
+from rsoconsole.base import parse_json
 from rsoconsole.cli.judge._objects import (
+    direction_offset_arcsec,
     identified_norad_id,
     is_on_a_streak,
+    lead_measured,
     lead_track_id,
+    measurement_offset_arcsec,
     objects_figures,
-    offset_arcsec,
-    offset_of,
-    steps_of,
-    taken_of,
+    steps_by_track_id,
 )
 from rsoconsole.night import NightFrame, NightTrack, frames_of, rms, tracks_of
 from rsoconsole.records import (
@@ -39,9 +39,10 @@ _ON_RECORD = (
 
 
 def leap_figures(leaps: Sequence[LeapDone], passes: Sequence[LowPass]) -> dict[str, Any] | None:
-    """Figures of leaps and passes of low satellites for the summary; None without any.
+    """Return the summary's figures of leaps and passes of low satellites; None without any.
 
-    Leaps done and leaps met, medians of a leap's durations (s), and each pass.
+    They are the numbers of leaps made and of leaps that met the satellite, the medians of a
+    leap's durations (s), and each pass.
     """
     if not leaps and not passes:
         return None
@@ -98,7 +99,7 @@ def tracks_figures(
     """
     satellites: dict[object, _Satellite] = {}
     for frame in frames:
-        for track_id, step in steps_of(frame).items():
+        for track_id, step in steps_by_track_id(frame).items():
             number = identified_norad_id(known[track_id].identified)
             key: object = ("track", track_id) if number is None else number
             found = satellites.setdefault(key, _Satellite())
@@ -156,12 +157,12 @@ def summarise(
     truth: Sequence[Mapping[str, Any]],
     targets: Mapping[int, str] | None = None,
 ) -> dict[str, Any]:
-    """The figures of ``rsoconsole demo --headless``, without scenario, seed and session.
+    """Return the figures of ``rsoconsole demo --headless`` except scenario, seed, session.
 
     ``records``: in the session's order. ``truth``: one object per exposure as the simulated
     observatory wrote it. ``targets``: names, by catalogue number, of the satellites for which the
-    night was made. Errors are root mean squares of distances on the sky. ``measured_rms_arcsec`` is
-    that of the followed satellite's measurements, if any; its neighbours have a figure of their
+    night was made. Errors are root mean squares of distances on the sky. ``measured_rms_arcsec``
+    covers the followed satellite's measurements alone; its neighbours have a figure of their
     own.
     """
     log = list(records)
@@ -171,9 +172,9 @@ def summarise(
     locked = (each.frame_id for each in frames if any(c.after == "TRACK" for c in each.changes))
     return {
         "frames": len(frames),
-        "detections": sum(len(frame.found) for frame in frames),
+        "detections": sum(len(frame.detected_streaks) for frame in frames),
         "misses": misses,
-        "states": dict(Counter(frame.state or "SEARCH" for frame in frames)),
+        "states": dict(Counter(frame.state_after or "SEARCH" for frame in frames)),
         "locked_after_frames": next(locked, None),
         **_against_truth(views),
         "orbit": None if led.orbit is None else orbit_figures(led.orbit),
@@ -201,7 +202,7 @@ def _lead_track(frames: Iterable[NightFrame]) -> tuple[_LeadTrack, int]:
     """The last lead track, and the number of misses of all leads."""
     led, misses = _LeadTrack(), 0
     for frame in frames:
-        lead = lead_track_id(steps_of(frame))
+        lead = lead_track_id(steps_by_track_id(frame))
         led.track_id = led.track_id if lead is None else lead
         misses += sum(each.track_id in (None, led.track_id) for each in frame.misses)
         for orbit in frame.orbits:
@@ -224,10 +225,10 @@ def _name_figures(found: Identified) -> dict[str, Any]:
 
 
 def read_truth(path: Path) -> list[dict[str, Any]]:
-    """The simulated observatory's truth, one object per exposure; empty without the file."""
+    """Read the simulated observatory's truth, a dict per exposure; empty without the file."""
     if not path.exists():
         return []
-    return [json_of(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
+    return [parse_json(line) for line in path.read_text(encoding="utf-8").splitlines() if line]
 
 
 _Views = Sequence[tuple[NightFrame, Mapping[str, Any]]]
@@ -265,7 +266,7 @@ def _against_truth(views: _Views) -> dict[str, Any]:
     """Figures against what really was there; those of the track against one named satellite."""
     target, share = _followed(views)
     predicted, outside, nis = _track_figures(views, target)
-    confidences = [m.confidence for frame, _ in views if (m := taken_of(frame)) is not None]
+    confidences = [m.confidence for frame, _ in views if (m := lead_measured(frame)) is not None]
     return {
         "target": target,
         "target_share": share,
@@ -291,7 +292,8 @@ def _measured_figures(views: _Views, target: str | None) -> dict[str, Any]:
     for frame, exposure in views:
         for measurement in frame.measurements:
             offsets = [
-                (*offset_of(measurement, each), each["name"]) for each in exposure["satellites"]
+                (*measurement_offset_arcsec(measurement, each), each["name"])
+                for each in exposure["satellites"]
             ]
             nowhere = (math.inf, 0.0, None)
             east, north, name = min(offsets, key=lambda o: math.hypot(o[0], o[1]), default=nowhere)
@@ -334,7 +336,7 @@ def _followed(views: _Views) -> tuple[str | None, Any]:
             continue
         at = frame.updated.x[0], frame.updated.x[2], frame.updated.t_utc_ns
         satellites = exposure["satellites"]
-        near = [(math.hypot(*offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
+        near = [(math.hypot(*direction_offset_arcsec(s, *at)), str(s["name"])) for s in satellites]
         off, name = min(near, default=(math.inf, ""))
         names[name if off <= SAME_OBJECT_ARCSEC else "nothing real"] += 1
     if not names:
@@ -362,7 +364,7 @@ def _track_figures(
             continue
         if predicted.misses <= 1:
             at = predicted.x[0], predicted.x[2], predicted.t_utc_ns
-            errors.append(math.hypot(*offset_arcsec(true, *at)))
+            errors.append(math.hypot(*direction_offset_arcsec(true, *at)))
         if updated is not None and updated.nis is not None:
             nis.append(updated.nis)
             innovation = updated.innovation_arcsec or (0.0, 0.0)
@@ -374,7 +376,7 @@ def _track_figures(
             measurement, value = each.measurement, each.nis
             if value is None:
                 continue
-            if math.hypot(*offset_of(measurement, true)) <= SAME_OBJECT_ARCSEC:
+            if math.hypot(*measurement_offset_arcsec(measurement, true)) <= SAME_OBJECT_ARCSEC:
                 nis.append(value)
                 outside.append(True)
     return errors, outside, nis

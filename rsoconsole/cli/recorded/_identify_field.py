@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.base import ConfigError, OrbitError, SessionError
-from rsoconsole.cli.recorded.frames import read_each, warn
+from rsoconsole.cli.recorded.frames import print_new_notes, run_on_each_frame
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import ProgressBar
-from rsoconsole.cli.words.ledger_words import say_moved_aside
-from rsoconsole.cli.words.options import catalogue_of
+from rsoconsole.cli.words.ledger_words import report_moved_ledger
+from rsoconsole.cli.words.options import read_element_sets
 from rsoconsole.cli.words.standard_input import InputFiles
 from rsoconsole.config import effective_settings, load_config
 from rsoconsole.orbits import Identification
@@ -19,7 +19,7 @@ from rsoconsole.pipeline import (
     ObservedTrack,
     Past,
     PlateMode,
-    keep,
+    keep_tracks,
     longest_arc,
 )
 from rsoconsole.records import LedgerName
@@ -40,7 +40,7 @@ def identify_field(
 
     ``files``: the frames, then files of elements. ``frame_count``: number of the frames.
     """
-    from rsoconsole.cli.words.element_error_words import source_lines
+    from rsoconsole.cli.words.element_error_words import error_source_lines
     from rsoconsole.cli.words.field_words import frame_lines, movers_lines
     from rsoconsole.instruments import EXTENSION_KEY, read_frames
     from rsoconsole.pipeline import (
@@ -48,15 +48,15 @@ def identify_field(
         CatalogueMatcher,
         errors_report,
         frame_report,
+        mover_numbers_by_norad_id,
         movers_report,
-        named_movers,
         open_field_reader,
     )
 
     config = load_config(config_path)
     _expect_site(config_path)
     paths, tle = files.paths[:frame_count], files.paths[frame_count:]
-    run = CatalogueMatcher(config, catalogue_of(tle or list(config.catalogue.tle_files)))
+    run = CatalogueMatcher(config, read_element_sets(tle or list(config.catalogue.tle_files)))
     read: list[tuple[str, FieldFrame]] = []
     with open_field_reader(config, plate) as reader:
 
@@ -66,23 +66,23 @@ def identify_field(
                 name = f"{shown}[{label}]" if label else shown
                 read.append((name, reader.read(image)))
 
-        failures = read_each(files, paths, json_, work)
+        failures = run_on_each_frame(files, paths, json_, work)
     read.sort(key=lambda each: each[1].t_mid_utc_ns)
     frames = [frame for _, frame in read]
-    movers = run.movers(frames) if len(frames) >= FEWEST else ()
-    named = named_movers(movers)
+    movers = run.match_movers(frames) if len(frames) >= FEWEST else ()
+    named = mover_numbers_by_norad_id(movers)
     said: set[str] = set()
     errors, regimes = errors_report(config.catalogue), set[str]()
     for name, frame in read:
-        found = {**frame_report(name, run.frame(frame), named), "element_errors": errors}
+        found = {**frame_report(name, run.match_frame(frame), named), "element_errors": errors}
         regimes |= {each["regime"] for each in found["crossed"]}
-        output.answer(json_, found, frame_lines)
-        warn(found["frame"], found["notes"], said)
+        output.print_answer(json_, found, frame_lines)
+        print_new_notes(found["frame"], found["notes"], said)
     if len(read) > 1:
         report = movers_report([name for name, _ in read], frames, movers)
-        output.answer(json_, report, lambda found: movers_lines(found, FEWEST))
+        output.print_answer(json_, report, lambda found: movers_lines(found, FEWEST))
     if not json_:
-        output.say(*source_lines(errors, regimes))
+        output.say(*error_source_lines(errors, regimes))
     output.exit_if(failures)
 
 
@@ -118,16 +118,13 @@ class SessionLedger:
         ]
         is_simulated = (
             self._folder is not None
-            and SessionReader(self._folder).about().get("is_simulated") is True
+            and SessionReader(self._folder).read_meta().get("is_simulated") is True
         )
         self._path = ledger_path(is_simulated=is_simulated)
         self._names = self._recognised()
 
-    def report_of(self, number: int) -> dict[str, Any] | None:
-        """The ledger entry that a track matches, for JSON; None where none does.
-
-        ``number``: the track's.
-        """
+    def matching_entry(self, number: int) -> dict[str, Any] | None:
+        """Return the ledger entry that track ``number`` matches, for JSON; None without a match."""
         name = self._names.get(number)
         if name is None:
             return None
@@ -139,16 +136,16 @@ class SessionLedger:
             "t_last_utc": utc_ns_to_iso(name.t_last_utc_ns),
         }
 
-    def keep(self) -> list[dict[str, Any]]:
-        """Put the tracks that no catalogue explains into the ledger; return their numbers.
+    def add_unexplained_tracks(self) -> list[dict[str, Any]]:
+        """Add the tracks that no catalogue explains to the ledger; return a JSON object for each.
 
-        One object per track, for JSON. Raises OrbitError for a file of observations, SessionError
-        where session or ledger cannot be used.
+        Its keys: track, number in the ledger, is_new. Raises OrbitError for a file of
+        observations, SessionError where session or ledger cannot be used.
         """
         if self._folder is None:
             raise OrbitError("--keep takes a session: a file of observations has no tracks of one")
-        kept = keep(self._folder, self._unknown, self._named, self._path)
-        say_moved_aside(kept.moved_aside)
+        kept = keep_tracks(self._folder, self._unknown, self._named, self._path)
+        report_moved_ledger(kept.moved_aside)
         for number in kept.too_short:
             output.print_to_stderr(
                 f"rsoconsole: track {number} has fewer than {MIN_TRACKS} directions"
@@ -175,4 +172,4 @@ class SessionLedger:
             return {}
         session = "" if self._folder is None else self._folder.resolve().name
         arcs = {each.number: longest_arc(each.seen) for each in self._unknown}
-        return Past(ledger.without(session)).names_of(arcs, self._unknown[0].site)
+        return Past(ledger.without_session(session)).ledger_names(arcs, self._unknown[0].site)

@@ -8,7 +8,7 @@ import typer
 
 from rsoconsole.base import OrbitError, SessionError
 from rsoconsole.cli.words import completion, output
-from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, WriteOption
 from rsoconsole.cli.words.standard_input import InputFiles, open_input_files
 from rsoconsole.cli.words.usage import write_to_config
@@ -16,7 +16,7 @@ from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry, FittedFactors
-    from rsoconsole.pipeline import NightRows
+    from rsoconsole.pipeline import CalibrationRows
     from rsoconsole.session import ElementLedger
 
 
@@ -39,21 +39,21 @@ def calibrate_elements(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """How far are elements off? From tracks of your own nights that are surely named.
+    """Measure how far elements are off, from tracks of your own nights that are surely named.
 
     Each track goes into a ledger: observed minus computed along its path
-    (seconds, km) and across (arcsec, km), and how old its elements were. The
-    same track again takes its own place. Without NIGHT the ledger is shown.
+    (seconds, km) and across (arcsec, km), and how old its elements were. A track
+    given again replaces its earlier entry. Without NIGHT the ledger is shown.
 
-    What 'identify' and the engine assume of elements (from the literature) is
-    multiplied by factors of each kind of orbit, fitted to the ledger: along
-    the track at the epoch, along by age, and across; what a manoeuvre does
-    stays as assumed. Few tracks change little; many of one object count as
-    few.
+    'identify' and the engine assume errors of elements from the literature. They
+    are multiplied by factors for each kind of orbit, fitted to the ledger: along
+    the track at the epoch, along by age, and across. The error assumed for a
+    manoeuvre is not changed. Few tracks change the factors little; many tracks
+    of one object count as few.
 
     With --write the factors go into catalogue.error_factors of the
-    configuration, for what is named from then on; sessions keep theirs. A
-    clock that is off looks like elements that are: 'calibrate-time' first.
+    configuration and hold for later identifications; recorded sessions keep
+    theirs. A wrong clock looks like wrong elements: run 'calibrate-time' first.
 
     Example: rsoconsole calibrate-elements night-1 night-2 --tle all.tle
     """
@@ -98,44 +98,44 @@ def calibrate_elements(
 
 def _read(
     files: InputFiles, nights: int, settings: Config, *, simulated: bool
-) -> "tuple[list[tuple[Path, NightRows]], int]":
+) -> "tuple[list[tuple[Path, CalibrationRows]], int]":
     """Results of the nights, and the number of nights without: an unusable one ends no other."""
-    from rsoconsole.cli.words.options import element_files
+    from rsoconsole.cli.words.options import session_element_files
     from rsoconsole.pipeline import (
         is_session,
         read_catalogue,
-        rows_of_lines,
+        rows_of_identify_output,
         rows_of_session,
-        wide_errors_of,
+        wide_element_errors,
     )
 
     catalogue = settings.catalogue
     known: dict[tuple[Path, ...], Sequence[CatalogueEntry]] = {}
-    found: list[tuple[Path, NightRows]] = []
+    found: list[tuple[Path, CalibrationRows]] = []
     failures = 0
 
-    def of_session(night: Path) -> "NightRows":
+    def of_session(night: Path) -> "CalibrationRows":
         folder = night if night.is_dir() else night.parent
         _expect_kind(folder, simulated=simulated)
-        sets = tle or tuple(element_files(folder, catalogue.tle_files))
+        sets = tle or tuple(session_element_files(folder, catalogue.tle_files))
         if sets not in known:
             known[sets] = read_catalogue(sets)
-        return rows_of_session(night, known[sets], wide_errors_of(catalogue))
+        return rows_of_session(night, known[sets], wide_element_errors(catalogue))
 
     tle = tuple(files.paths[nights:])
-    with progress("nights", nights) as bar:
+    with progress_bar("nights", nights) as bar:
         for night in files.paths[:nights]:
             try:
                 rows = (
                     of_session(night)
                     if is_session(night)
-                    else rows_of_lines(night, is_simulated=simulated)
+                    else rows_of_identify_output(night, is_simulated=simulated)
                 )
                 found.append((Path(files.name(night)), rows))
             except (OrbitError, SessionError) as error:
                 failures += 1
-                with bar.aside():
-                    output.print_to_stderr(f"rsoconsole: {files.words(str(error))}")
+                with bar.hide_while_printing():
+                    output.print_to_stderr(f"rsoconsole: {files.name_standard_input(str(error))}")
             bar()
     return found, failures
 
@@ -144,7 +144,7 @@ def _expect_kind(folder: Path, *, simulated: bool) -> None:
     """Raises SessionError for a simulated night among real ones, and the other way round."""
     from rsoconsole.session import SessionReader
 
-    is_simulated = SessionReader(folder).about().get("is_simulated") is True
+    is_simulated = SessionReader(folder).read_meta().get("is_simulated") is True
     if is_simulated and not simulated:
         raise SessionError(
             f"{folder} is a simulated night, and tells nothing of real elements: with --simulated"
@@ -154,10 +154,10 @@ def _expect_kind(folder: Path, *, simulated: bool) -> None:
         raise SessionError(f"{folder} is a real night: leave --simulated out")
 
 
-def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
+def _kept(found: "Sequence[CalibrationRows]", path: Path) -> "ElementLedger":
     """The ledger with these rows in it."""
-    from rsoconsole.cli.words.ledger_words import say_moved_aside
-    from rsoconsole.session import damage_words, keep_rows, read_element_ledger
+    from rsoconsole.cli.words.ledger_words import report_moved_ledger
+    from rsoconsole.session import damage_words, read_element_ledger, replace_session_rows
 
     if not found:
         ledger = read_element_ledger(path)
@@ -165,16 +165,18 @@ def _kept(found: "Sequence[NightRows]", path: Path) -> "ElementLedger":
             output.print_to_stderr(f"rsoconsole: {words}")
         return ledger
     sessions = [session for each in found for session in each.sessions]
-    ledger, aside = keep_rows(sessions, [row for each in found for row in each.rows], path)
-    say_moved_aside(aside)
+    ledger, aside = replace_session_rows(
+        sessions, [row for each in found for row in each.rows], path
+    )
+    report_moved_ledger(aside)
     return ledger
 
 
 def _write(fitted: "Sequence[FittedFactors]", config_path: Path | None) -> Path:
     """Write factors to the configuration file; return its path. Raises ConfigError, OrbitError."""
-    from rsoconsole.pipeline import settings_of
+    from rsoconsole.pipeline import merged_error_factors
 
     if not fitted:
         raise OrbitError("not written: the ledger holds no track; name nights")
-    factors = settings_of(fitted, load_config(config_path, environ={}).catalogue)
+    factors = merged_error_factors(fitted, load_config(config_path, environ={}).catalogue)
     return write_to_config(config_path, {"catalogue.error_factors": factors})

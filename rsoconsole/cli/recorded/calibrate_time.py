@@ -8,7 +8,7 @@ import typer
 
 from rsoconsole.base import ConfigError
 from rsoconsole.cli.words import output
-from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument, WriteOption
 from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import load_config
@@ -41,30 +41,30 @@ def calibrate_time(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """When does the shutter open? From navigation satellites in recorded nights.
+    """Measure when the shutter opens, from navigation satellites in recorded nights.
 
-    Every whole streak of a GPS, Galileo, QZSS or BeiDou satellite is held
-    against its orbit: how far along it is off, over its rate, is time. That
+    Every whole streak of a GPS, Galileo, QZSS or BeiDou satellite is compared
+    with its orbit: the error along the track divided by the rate is a time. This
     gives for each camera mode (exposure, binning, subframe, gain) the bias
     (true mid-exposure of the first row minus the header's), its scatter from
     frame to frame and the line time of a rolling shutter, each with its
-    error. What all stars of the catalogue are off together is adjusted too:
-    satellites that go in several directions tell it from time. Some twenty
+    error. An offset common to all catalogue stars is fitted too: satellites that
+    move in several directions separate it from time. Some twenty
     tracks of six frames each, all over the sky and over the frame, give the
     bias to 2 to 4 ms where the ends of streaks are good to 0.35 arcsec,
-    to 7 ms in wind that shakes the image by an arcsec and to 11 where it
-    does by 2.5: take twice the frames there.
+    to 7 ms in wind that shakes the image by 1 arcsec, to 11 ms at 2.5 arcsec:
+    take twice the frames there.
 
-    Broadcast files serve the night itself (2 m, 0.3 ms), SP3 afterwards.
+    Broadcast files (2 m, 0.3 ms) can be had in the same night, SP3 files later.
 
     With --write the result goes into exposure.calibrated of the
-    configuration: times, their errors in R, exports and orbits of nights
-    recorded from then on rest on it; 'doctor' shows it with its age.
+    configuration. Nights recorded from then on use it for times, for their errors
+    in R, for exports and orbits; 'doctor' shows it with its age.
 
     Example: rsoconsole calibrate-time night --rinex BRDC00IGS.rnx --write
     """
     from rsoconsole.cli.words.calibrate_time_words import cautions, timing_lines, timing_report
-    from rsoconsole.pipeline import with_norad
+    from rsoconsole.pipeline import with_norad_ids
 
     given = [each for each in (rinex, sp3) if each]
     if len(given) > 1:
@@ -80,9 +80,9 @@ def calibrate_time(
         )
     settings = load_config(config)
     entries = _elements(nights, tle, settings.catalogue.tle_files)
-    with progress("shutter"):
+    with progress_bar("shutter"):
         found, file = _found(nights, rinex, sp3, entries)
-    found = with_norad(found, file, entries)
+    found = with_norad_ids(found, file, entries)
     if not json_:  # what --force would write is seen before it is refused
         output.say(*timing_lines(found))
         for words in cautions(found):
@@ -108,8 +108,8 @@ def _found(
     sp3: Sequence[Path] | None,
     entries: "Sequence[CatalogueEntry]",
 ) -> "tuple[FoundTiming, NavigationFile]":
-    from rsoconsole.pipeline import calibrate_time as calibrate
-    from rsoconsole.pipeline import from_elements, read_rinex, read_sp3
+    from rsoconsole.pipeline import calibrate_shutter_timing as calibrate
+    from rsoconsole.pipeline import navigation_from_elements, read_rinex, read_sp3
     from rsoconsole.session import SessionReader
 
     if rinex:
@@ -118,7 +118,7 @@ def _found(
         file, source = read_sp3(sp3), _names(sp3)
     else:
         last_ns = max((SessionReader(night).counts().t_last_utc_ns or 0) for night in nights)
-        file, source = from_elements(entries, last_ns), "the element files"
+        file, source = navigation_from_elements(entries, last_ns), "the element files"
     return calibrate(nights, file, source), file
 
 
@@ -142,8 +142,8 @@ def _elements(
 
 def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Path:
     """Put the result into the configuration file; return its path. Raises ConfigError."""
-    from rsoconsole.pipeline import merged_timings, timings_of, worse_than_known
-    from rsoconsole.words import errors_words, mode_words
+    from rsoconsole.pipeline import less_certain_timings, merged_timings, timing_settings
+    from rsoconsole.words import camera_mode_words, timing_errors_words
 
     if found.simulated and not force:
         raise ConfigError(
@@ -151,13 +151,14 @@ def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Pa
             " is not your camera's; --force writes it all the same"
         )
     exposure = load_config(config_path, environ={}).exposure
-    timings = timings_of(found)
-    worse = worse_than_known(timings, exposure)
+    timings = timing_settings(found)
+    worse = less_certain_timings(timings, exposure)
     if worse and not force:
         new, old = worse[0]
         raise ConfigError(
-            f"not written: at {mode_words(old.mode)} the configuration has {errors_words(old)}"
-            f" (of {old.measured_on}), this result {errors_words(new)}: add nights, or --force"
+            f"not written: at {camera_mode_words(old.camera_mode)} the configuration has"
+            f" {timing_errors_words(old)} (of {old.measured_on}), this result"
+            f" {timing_errors_words(new)}: add nights, or --force"
         )
     whole = [each.model_dump(mode="json") for each in merged_timings(exposure, timings)]
     return write_to_config(config_path, {"exposure.calibrated": whole})

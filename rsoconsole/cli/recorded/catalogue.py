@@ -9,14 +9,14 @@ import typer
 
 from rsoconsole.base import ControlError, OrbitError, value_errors_as
 from rsoconsole.cli.words import output
-from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, SocketOption
 from rsoconsole.cli.words.usage import write_to_config
-from rsoconsole.config import Config, home_path, load_config, shown
+from rsoconsole.config import Config, expand_home, load_config, without_secrets
 from rsoconsole.words import count_words, utc_ns_to_iso
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Source, SourceStatus, SourceUpdate, SourceUpdater
+    from rsoconsole.pipeline import ElementSource, SourceStatus, SourceUpdate, SourceUpdater
 
 SLEW_WAIT_S = 300.0
 _POLL_S = 2.0
@@ -41,9 +41,9 @@ def update(
 ) -> None:
     """Fetch the elements of all sources, each at most once in two hours.
 
-    Nothing else in this program fetches elements, and nothing does so unasked: run it by hand or
-    from a timer. A source that refuses (403) is not asked again until it is added again; whatever
-    fails, what was kept before stays. While the mount slews it waits.
+    This verb alone fetches elements: run it by hand or from a timer. A source that refuses (403)
+    is not asked again until it is added again. Where a fetch fails, the elements kept before
+    stay. While the mount slews, the verb waits.
 
     --json: `source, fetched, ok, detail` and the keys of 'catalogue list'.
     Example: rsoconsole catalogue update
@@ -51,13 +51,13 @@ def update(
     settings = load_config(config)
     chosen = _chosen(_configured(settings), source or [])
     run = _run(settings, wait=lambda: _wait_while_slewing(socket))
-    run.store.arrange(_configured(settings))
+    run.store.set_sources(_configured(settings))
     faults = 0
-    with progress("sources", len(chosen)) as bar:
+    with progress_bar("sources", len(chosen)) as bar:
         for each in run.run(chosen):
             faults += each.is_fault
             bar()
-            with bar.aside():
+            with bar.hide_while_printing():
                 _report(each, settings, json_)
     output.exit_if(faults, f"{count_words(faults, 'source')} could not be fetched; each says why")
 
@@ -73,7 +73,7 @@ def _report(each: "SourceUpdate", settings: Config, json_: bool) -> None:
 
 @catalogue_app.command("list")
 def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
-    """The sources in their order of precedence, and how old what they gave is.
+    """List the sources of elements by precedence, and how old their elements are.
 
     An object that several sources have is taken from the first, unless a later one has elements
     that are three days newer.
@@ -83,7 +83,7 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
     from rsoconsole.pipeline import ElementStore, SourceStatus
 
     settings = load_config(config)
-    kept = ElementStore().kept()
+    kept = ElementStore().statuses()
     sources = _configured(settings)
     rows = [
         _row(each, kept.get(each.text, SourceStatus(source=each.text)), settings)
@@ -91,7 +91,7 @@ def list_(config: ConfigOption = None, json_: JsonOption = False) -> None:
     ]
     rows += [_file_row(path) for path in settings.catalogue.tle_files if not path.is_dir()]
     for row in rows:
-        output.answer(json_, row, _line)
+        output.print_answer(json_, row, _line)
     if not json_ and not sources and not settings.catalogue.tle_files:
         output.say(
             "no elements: 'rsoconsole catalogue add celestrak:geo' names a source,"
@@ -114,15 +114,16 @@ def add(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Name a source of elements in the configuration; a file is read at once, without a network.
+    """Add sources of elements to the configuration; files are read at once, offline.
 
-    The cache is named in catalogue.tle_files too, so that names, go-to and passes go by it. A
-    source that is there already keeps its place, and one that has refused may be asked again.
+    The cache of elements is named in catalogue.tle_files too, so that identification, goto and
+    passes use it. A source that is listed already keeps its place; one that has refused may be
+    asked again.
 
-    Groups of CelesTrak are geo, active, visual, gnss and so on; its supplemental elements, made of
-    the owners' own orbits, are starlink, intelsat, ses, gps and so on. space-track:all wants an
-    account, in the file catalogue.space_track_login. Amateurs' elements of classified satellites
-    are named by their address.
+    Groups of CelesTrak are geo, active, visual, gnss and so on; its supplemental elements, made
+    of the owners' own orbits, are starlink, intelsat, ses, gps and so on. space-track:all needs
+    an account, in the file catalogue.space_track_login. Amateurs' elements of classified
+    satellites are named by their web address.
 
     Example: rsoconsole catalogue add supgp:intelsat celestrak:geo
     """
@@ -144,11 +145,15 @@ def add(
         {"catalogue.sources": [each.text for each in order], "catalogue.tle_files": files},
         is_secret=any(each.words != each.text for each in order),  # an address with a password
     )
-    run.store.arrange(order)
+    run.store.set_sources(order)
     settings = load_config(config)
     for each in given:
-        known = brought.get(each.text) or run.store.note(each, refused_utc_ns=None, fault=None)
-        output.answer(json_, _row(each, known or SourceStatus(source=each.text), settings), _line)
+        known = brought.get(each.text) or run.store.update_status(
+            each, refused_utc_ns=None, fault=None
+        )
+        output.print_answer(
+            json_, _row(each, known or SourceStatus(source=each.text), settings), _line
+        )
     if any(each.file is None for each in given) and not json_:
         output.say(
             "'rsoconsole catalogue update' fetches them; a running engine reads them when"
@@ -156,7 +161,7 @@ def add(
         )
 
 
-def _source_of(text: str) -> "Source":
+def _source_of(text: str) -> "ElementSource":
     """A source as people write it: a file and an address need no kind. Raises OrbitError."""
     from rsoconsole.pipeline import parse_source
 
@@ -164,17 +169,17 @@ def _source_of(text: str) -> "Source":
         if text.startswith(("http://", "https://")):
             text = f"url:{text}"
         elif text.startswith(("~", "file:")) or Path(text).exists():
-            text = f"file:{home_path(text.removeprefix('file:')).resolve()}"
+            text = f"file:{expand_home(text.removeprefix('file:')).resolve()}"
         return parse_source(text)
 
 
-def _configured(settings: Config) -> "list[Source]":
+def _configured(settings: Config) -> "list[ElementSource]":
     from rsoconsole.pipeline import parse_source
 
     return [parse_source(text) for text in dict.fromkeys(settings.catalogue.sources)]
 
 
-def _chosen(there: "list[Source]", wanted: list[str]) -> "list[Source]":
+def _chosen(there: "list[ElementSource]", wanted: list[str]) -> "list[ElementSource]":
     if not there:
         raise OrbitError(
             "no source of elements: 'rsoconsole catalogue add celestrak:geo' names one"
@@ -184,7 +189,7 @@ def _chosen(there: "list[Source]", wanted: list[str]) -> "list[Source]":
         return there
     known = {each.text: each for each in there}
     texts = [_source_of(text).text for text in wanted]
-    missing = [shown(text) for text in texts if text not in known]
+    missing = [without_secrets(text) for text in texts if text not in known]
     if missing:
         raise OrbitError(f"{missing[0]} is not among the sources: 'rsoconsole catalogue add' first")
     return [known[text] for text in texts]
@@ -205,12 +210,12 @@ def _run(settings: Config, wait: Callable[[], None] = lambda: None) -> "SourceUp
 
 def _wait_while_slewing(socket: Path | None) -> None:
     """Wait until the running engine's mount stands; not at all without one. Raises OrbitError."""
-    from rsoconsole.control import ControlClient, Sender, status_of
+    from rsoconsole.control import ControlClient, Sender, ask_status
 
     deadline = time.monotonic() + SLEW_WAIT_S
     while True:
         try:
-            status = status_of(ControlClient(socket, sender=Sender(name="status")))
+            status = ask_status(ControlClient(socket, sender=Sender(name="status")))
         except ControlError:
             return
         if not status.is_slewing and status.slew_left_s is None:
@@ -223,7 +228,7 @@ def _wait_while_slewing(socket: Path | None) -> None:
         time.sleep(_POLL_S)
 
 
-def _row(source: "Source", kept: "SourceStatus", settings: Config) -> dict[str, Any]:
+def _row(source: "ElementSource", kept: "SourceStatus", settings: Config) -> dict[str, Any]:
     from rsoconsole.pipeline import default_folder
 
     now_utc_ns, folder = time.time_ns(), default_folder()

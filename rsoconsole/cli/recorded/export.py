@@ -7,7 +7,7 @@ import typer
 
 from rsoconsole.base import ExportError
 from rsoconsole.cli.words import output
-from rsoconsole.cli.words.batch_options import progress
+from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import JsonOption, SessionArgument
 
 AnyFormat: TypeAlias = Literal[
@@ -65,14 +65,15 @@ def export(
     originator: Annotated[str, typer.Option(help="tdm, udl: who makes it.")] = "RSOCONSOLE",
     json_: JsonOption = False,
 ) -> None:
-    """The night for others: tables, CCSDS TDM, IOD, UDL, solved FITS, DS9 regions, a report.
+    """Export a night: tables, CCSDS TDM, IOD, UDL, solved FITS, DS9 regions, a report.
 
-    csv, ecsv, jsonl: every measurement, its errors, and what the track made of it.
+    csv, ecsv, jsonl: every measurement with its errors, and whether the track accepted it.
 
-    tdm, tdm-xml, iod, udl: what the tracks took, as messages to others; no streak that the frame
-    cuts. udl is a file of EOObservation records; nothing is uploaded.
+    tdm, tdm-xml, iod, udl: the measurements that the tracks accepted, in exchange formats;
+    without streaks that the frame's edge cuts. udl is a file of EOObservation records; nothing is
+    uploaded.
 
-    fits, regions: kept frames with their plate in the header; their streaks for DS9.
+    fits, regions: kept frames with their plate solution in the header; their streaks for DS9.
 
     html: a report in one file, which needs no network.
 
@@ -112,13 +113,13 @@ def _export(session: Path, kind: Any, out: str | None, options: Any, json_: bool
 
     new_folder = _folder_to_make(kind, out)
     if out == STDOUT:
-        with progress(f"export {kind}"):
+        with progress_bar(f"export {kind}"):
             text, made = render(session, kind, options)
         output.emit_text(text)
     else:
-        with progress(f"export {kind}"):
+        with progress_bar(f"export {kind}"):
             made = write(session, kind, None if out is None else Path(out), options)
-        output.answer(json_, made, lambda each: map(str, each.files))
+        output.print_answer(json_, made, lambda each: map(str, each.files))
     _say_created(new_folder)
     _say_left_out(made)
     if made.format in MESSAGES and not options.target.is_known:
@@ -145,7 +146,7 @@ def _say_recorded_name(session: Path) -> None:
     """Print the engine's identification, and the option with which the message names it."""
     from rsoconsole.session import SessionReader
 
-    rows = SessionReader(session).view("identifications")
+    rows = SessionReader(session).view_rows("identifications")
     last = {row["track_id"]: row for row in rows if not row["is_superseded"]}
     named = {n: row for n, row in last.items() if row["verdict"] == "identified"}
     for track_id, row in sorted(named.items()):
@@ -172,7 +173,7 @@ def _say_left_out(made: Any) -> None:
 def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> None:
     from rsoconsole.library import render_report, save_text
 
-    with progress("report"):
+    with progress_bar("report"):
         report = render_report(session)
     if out == STDOUT:
         output.emit_text(report.html)
@@ -181,7 +182,7 @@ def _report(session: Path, out: str | None, json_: bool, *, is_forced: bool) -> 
     path = None if out is None else Path(out)
     made = save_text(session, report.html, report.made, path, is_forced=is_forced)
     _say_created(new_folder)
-    output.answer(json_, made, lambda _: str(made.path))
+    output.print_answer(json_, made, lambda _: str(made.path))
 
 
 FigureFormat: TypeAlias = Literal["png", "svg", "pdf"]

@@ -15,7 +15,7 @@ from rsoconsole.cli.words.batch_options import (
     SchedulerOption,
     SerialOption,
     WorkersOption,
-    progress,
+    progress_bar,
     resolved_paths,
 )
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, PresetOption, TauOption
@@ -29,11 +29,14 @@ from rsoconsole.config import Config, load_config
 from rsoconsole.words import count_words, direction, pulse_words, streak_name_words
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Night, NightOutcome, WorkerPool
+    from rsoconsole.pipeline import BatchNight, NightOutcome, WorkerPool
 
 
 def process_nights(
-    nights: "tuple[Night, ...]", root: Path, pool_of: "Callable[[int], WorkerPool]", json_: bool
+    nights: "tuple[BatchNight, ...]",
+    root: Path,
+    pool_of: "Callable[[int], WorkerPool]",
+    json_: bool,
 ) -> None:
     """Make a session of each night under ``root`` and report it.
 
@@ -43,10 +46,10 @@ def process_nights(
     from rsoconsole.pipeline.batch import batch_nights
 
     is_whole = True
-    with batch_nights.lock_batch_folder(root), progress("nights", len(nights)) as bar:
+    with batch_nights.lock_batch_folder(root), progress_bar("nights", len(nights)) as bar:
         for outcome in batch_nights.process_nights(nights, pool_of, on_done=bar):
             is_whole = is_whole and outcome.error is None and not outcome.unreadable
-            with bar.aside():
+            with bar.hide_while_printing():
                 _say(outcome, json_)
     output.exit_if(not is_whole)
 
@@ -107,10 +110,10 @@ ExtensionOption = Annotated[
 
 def report_error(files: InputFiles, path: Path, error: FrameError, json_: bool) -> None:
     """Report an error of an input file, on stderr or as JSON."""
-    output.report_fault(json_, files.words(str(error)), frame=files.name(path))
+    output.report_fault(json_, files.name_standard_input(str(error)), frame=files.name(path))
 
 
-def read_each(
+def run_on_each_frame(
     files: InputFiles,
     paths: Sequence[Path],
     json_: bool,
@@ -122,13 +125,13 @@ def read_each(
     the progress bar.
     """
     failures = 0
-    with progress("frames", len(paths)) as bar:
+    with progress_bar("frames", len(paths)) as bar:
         for number, path in enumerate(paths, start=1):
             try:
                 work(path, number, bar)
             except FrameError as error:
                 failures += 1
-                with bar.aside():
+                with bar.hide_while_printing():
                     report_error(files, path, error, json_)
             bar()
     return failures
@@ -145,11 +148,11 @@ def _each(
 
     def show(path: Path, number: int, bar: ProgressBar) -> None:
         for found in work(path, number):
-            with bar.aside():
-                output.answer(json_, found, lines)
-                warn(_name(found), found["notes"], noted)
+            with bar.hide_while_printing():
+                output.print_answer(json_, found, lines)
+                print_new_notes(_name(found), found["notes"], noted)
 
-    output.exit_if(read_each(files, files.paths, json_, show))
+    output.exit_if(run_on_each_frame(files, files.paths, json_, show))
 
 
 def _name(found: dict[str, Any]) -> str:
@@ -158,10 +161,10 @@ def _name(found: dict[str, Any]) -> str:
     return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
 
 
-def warn(name: str, notes: list[str], noted: set[str]) -> None:
-    """Print the notes on a frame on stderr, except those in ``noted``, to which they are added.
+def print_new_notes(name: str, notes: list[str], noted: set[str]) -> None:
+    """Print a frame's notes on stderr that are not in ``noted``, and add them to it.
 
-    ``name``: the frame's.
+    ``name``: the frame's name.
     """
     for note in notes:
         if note not in noted:
@@ -208,12 +211,12 @@ def process(
 
     Example: find night -name '*.fits' | sort | rsoconsole process --files-from -
 
-    Folders are nights: each one's frames, in the order of their names, or a session's kept frames
-    become a session, several at once (on Dask where that is installed). Interrupted work goes on
-    where it was when the same command is given again: nights that are done are not done twice.
+    A folder is a night: its frames in the order of their names, or a session's kept frames,
+    become a session. Several nights run at once (on Dask where it is installed). The same command
+    given again continues interrupted work: finished nights are not processed twice.
     Example: rsoconsole process nights/* --session processed
     """
-    from rsoconsole.pipeline import choose_pool, nights_in
+    from rsoconsole.pipeline import choose_pool, nights_of_folders
 
     overrides = {"detector.tau": tau, "filter.preset": preset}
     settings = load_config(config, {k: v for k, v in overrides.items() if v is not None})
@@ -230,7 +233,9 @@ def process(
                 "a folder of frames becomes a session: --session names where",
                 param_hint="--session",
             )
-        nights = nights_in(resolved_paths(given), session.resolve(), settings, is_again=again)
+        nights = nights_of_folders(
+            resolved_paths(given), session.resolve(), settings, is_again=again
+        )
         pool_of = partial(
             choose_pool,
             workers=workers,
@@ -247,29 +252,29 @@ def process(
 def _process_frames(
     files: InputFiles, session: Path | None, settings: Config, extension: str | None, json_: bool
 ) -> None:
-    from rsoconsole.pipeline import Processed, open_reducer, process_files, process_report
+    from rsoconsole.pipeline import ProcessedFrame, open_reducer, process_files, process_report
     from rsoconsole.session import BatchRecording
 
     failures = 0
     noted: set[str] = set()
     with (
         open_reducer(settings) as (reducer, model_sha256),
-        progress("frames", len(files.paths)) as bar,
+        progress_bar("frames", len(files.paths)) as bar,
     ):
         recording = BatchRecording(session, settings, model_sha256)
         try:
             for result in process_files(files.paths, reducer, settings, extension=extension):
                 bar()
-                if not isinstance(result, Processed):
+                if not isinstance(result, ProcessedFrame):
                     failures += 1
-                    with bar.aside():
+                    with bar.hide_while_printing():
                         report_error(files, *result, json_)
                     continue
                 recording.append(result.records, result.t_mid_utc_ns)
                 found = process_report(files.name(result.path), result)
-                with bar.aside():
-                    output.answer(json_, found, _process_words)
-                    warn(_name(found), found["notes"], noted)
+                with bar.hide_while_printing():
+                    output.print_answer(json_, found, _process_words)
+                    print_new_notes(_name(found), found["notes"], noted)
         finally:
             recording.close()
     output.exit_if(failures)
@@ -292,8 +297,8 @@ def detect(
 ) -> None:
     """Find streaks in frames.
 
-    Of a file with several images the first is taken, and a line on stderr names the others. There
-    too is said, once, what a frame lacks: 8 bits a pixel, a scale or an exposure for which
+    Of a file with several images the first is taken; a line on stderr names the others. Stderr
+    also reports, once, faults of a frame: 8 bits a pixel, or a scale or an exposure for which
     confidence is not calibrated.
 
     Example: rsoconsole detect frame.fits --tau 0.2 --json
@@ -337,9 +342,9 @@ def solve(
 ) -> None:
     """Plate-solve frames; hints come from the header, options override them.
 
-    A field that fails with its hints is tried without them, within the same deadline; where that
-    succeeds the wrong hint is named. Where a field wants finer index files than there are, the
-    answer says which. A field without a solution is an answer, not an error.
+    A field that fails with its hints is tried without them, within the same deadline; if that
+    succeeds, the wrong hint is named. Where a field needs finer index files than are installed,
+    the answer names them. A field without a solution is reported and is no error.
 
     Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6
     """

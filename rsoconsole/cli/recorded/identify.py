@@ -13,11 +13,11 @@ from rsoconsole.cli.recorded.orbit import (
     SiteOption,
     StationsOption,
     TrackOption,
-    read_as,
+    read_options,
 )
 from rsoconsole.cli.words import completion, output
-from rsoconsole.cli.words.batch_options import progress
-from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, element_files
+from rsoconsole.cli.words.batch_options import progress_bar
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, session_element_files
 from rsoconsole.cli.words.standard_input import FilesFromOption, given_files, open_input_files
 from rsoconsole.config import Config, load_config
 
@@ -69,40 +69,42 @@ def identify(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Which catalogued object was followed, and which it might have been.
+    """Identify the catalogued object that was followed, or list those it may have been.
 
-    Every object of the files is put where its elements say it was, and
-    compared in place and motion, with the error that elements of that age
-    have. Without --tle the files of catalogue.tle_files in the configuration
-    are taken; of a simulated night, or where it names none, those that the
-    session was recorded with. 'ambiguous' and 'unknown' are answers too.
+    Every object of the files is propagated by its elements to the time of the
+    track and compared in position and motion, with the error that elements of
+    that age have. Without --tle the files of catalogue.tle_files in the
+    configuration are used; for a simulated night, or where none are configured,
+    those that the session was recorded with. 'ambiguous' and 'unknown' are
+    answers too.
 
-    All tracks of a session are named together: a catalogued object is one of
-    those that were seen at the same time, and what the elements of a slot
-    are off together is found by where its members stand to each other. Where
-    another choice is one twentieth as likely or more, it is 'ambiguous'.
+    All tracks of a session are named together: a catalogued object is at most
+    one of the tracks seen at the same time, and an error common to the elements
+    of one slot is found from the positions of its members relative to each
+    other. Where another choice is one twentieth as likely or more, the answer
+    is 'ambiguous'.
 
     Files of observations may be what 'rsoconsole orbit' reads.
 
-    What no catalogue explains is looked up in the ledger of such tracks, and
-    with --keep put into it (see 'rsoconsole ledger'). Tracks of simulated
+    A track that no catalogue explains is looked up in the ledger of such tracks,
+    and added to it with --keep (see 'rsoconsole ledger'). Tracks of simulated
     nights have a ledger of their own.
 
     Example: rsoconsole identify sessions/intelsat-14 --tle catalogue.tle
 
-    With --field the arguments are frames: what was in each of them? Every
-    catalogued object whose path comes into the frame during the exposure is
+    With --field the arguments are frames, and the question is what each shows.
+    Every catalogued object whose path comes into the frame during the exposure is
     compared with every streak and crossing that the detector finds: how far
     ahead of its elements or behind them (seconds), how far off its path
     (arcsec), direction, and rate times exposure against length. One streak
-    is one object. Listed are the streaks with their names or 'in no
-    catalogue', and what is catalogued and was not seen. Points that move
-    through three frames or more, and are no star, are measured in each.
+    is one object. Listed are the streaks with their names or 'not in catalogue',
+    and the catalogued objects that were not seen. Points that move through three
+    frames or more, and are no star, are measured in each frame.
 
     How far off an object may be is assumed from the literature by element
     age and kind of orbit until 'calibrate-elements' has measured it on your
-    nights; which, the last line says. Low ones are sought a minute along
-    their path at least, and no set more than 60 days from the frame is used.
+    nights; the last line says which holds. Low objects are sought at least a minute
+    along their path, and no elements more than 60 days from the frame are used.
     The frames need DATE-OBS (UTC) and EXPTIME, the configuration your site.
 
     Example: rsoconsole identify --field night/*.fits --tle catalogue.tle
@@ -120,7 +122,7 @@ def identify(
         raise typer.BadParameter("only frames have images: --field", param_hint="--extension")
     if len(given) != 1:
         raise typer.BadParameter("one session or file at a time; frames need --field")
-    ask = read_as(sigma, site, stations, object_, is_radians=radians)
+    ask = read_options(sigma, site, stations, object_, is_radians=radians)
     with open_input_files([*given, *(tle or [])]) as files:
         path, *element_sets = files.paths
         report, is_several = _report(
@@ -129,17 +131,17 @@ def identify(
     if json_:
         output.emit_json(report)
         return
-    from rsoconsole.cli.words.element_error_words import source_lines
-    from rsoconsole.cli.words.field_words import named_tracks_lines, past_tracks_lines
+    from rsoconsole.cli.words.element_error_words import error_source_lines
+    from rsoconsole.cli.words.field_words import ledger_match_lines, track_identification_lines
     from rsoconsole.cli.words.orbit_words import identification_lines
 
     if track is None and is_several:
-        output.say(*named_tracks_lines(report["tracks"]), "")
+        output.say(*track_identification_lines(report["tracks"]), "")
     regimes = {each["regime"] for each in report["matches"]}
     output.say(
         *identification_lines(report),
-        *source_lines(report["element_errors"], regimes),
-        *past_tracks_lines(report),
+        *error_source_lines(report["element_errors"], regimes),
+        *ledger_match_lines(report),
     )
 
 
@@ -157,7 +159,7 @@ def _report(
     from rsoconsole.cli.recorded._identify_field import SessionLedger
     from rsoconsole.orbits import identify_jointly
     from rsoconsole.pipeline import (
-        errors_of,
+        catalogue_errors,
         errors_report,
         identification_report,
         longest_arc,
@@ -166,13 +168,13 @@ def _report(
     )
 
     catalogue = settings.catalogue
-    files = tle or element_files(path, catalogue.tle_files)
+    files = tle or session_element_files(path, catalogue.tle_files)
     tracks, shown = _tracks_of(path, ask, track)
-    with progress("names"):
+    with progress_bar("names"):
         entries = read_catalogue(files)
         arcs = [longest_arc(each.seen) for each in tracks]
         named = identify_jointly(
-            arcs, tracks[0].site, entries, gate_deg=gate_deg, errors=errors_of(catalogue)
+            arcs, tracks[0].site, entries, gate_deg=gate_deg, errors=catalogue_errors(catalogue)
         )
     ledger = SessionLedger(path, tracks, named)
     found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
@@ -180,10 +182,10 @@ def _report(
     arc_s = float(arc.t_s[-1] - arc.t_s[0])
     report: dict[str, Any] = identification_report(shown.name, one, arc_s)
     report["tracks"] = [
-        {**named_track_report(number, *found[number]), "ledger": ledger.report_of(number)}
+        {**named_track_report(number, *found[number]), "ledger": ledger.matching_entry(number)}
         for number in sorted(found)
     ]
-    report["kept"] = ledger.keep() if is_kept else None
+    report["kept"] = ledger.add_unexplained_tracks() if is_kept else None
     report["element_errors"] = errors_report(catalogue)
     return report, len(tracks) > 1
 

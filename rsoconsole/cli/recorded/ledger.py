@@ -22,12 +22,12 @@ def ledger(
 ) -> None:
     """List the objects that were seen and that no catalogue explains.
 
-    The engine keeps such tracks at the end of a night, 'rsoconsole identify
-    SESSION --keep' those of a recorded one. Later tracks are compared with
-    them in place and motion, with errors that grow with time, and named by
-    them: UCT 7. Tracks of fewer than 5 directions, ambiguous ones and those
-    that were compared with no catalogue are not kept. A simulated night is
-    kept by 'identify --keep' alone, and in a ledger of its own (--simulated).
+    The engine adds such tracks at the end of a night; 'rsoconsole identify
+    SESSION --keep' adds those of a recorded one. Later tracks are compared with
+    them in position and motion, with errors that grow with time, and get
+    their name (UCT 7). Not added are tracks of fewer than 5 directions, ambiguous ones
+    and those that were compared with no catalogue. Tracks of a simulated night
+    are added by 'identify --keep' alone, to a ledger of its own (--simulated).
 
     Example: rsoconsole ledger
     """
@@ -44,14 +44,14 @@ def list_(*, simulated: SimulatedOption = False, json_: JsonOption = False) -> N
 
     Example: rsoconsole ledger list --json
     """
-    from rsoconsole.cli.words.ledger_words import HEADER, object_line
+    from rsoconsole.cli.words.ledger_words import HEADER, object_list_line
     from rsoconsole.session import ledger_path
 
     found = _read(simulated=simulated)
     if found.objects and not json_:
         output.say(HEADER)
     for each in found.objects:
-        output.answer(json_, each, object_line)
+        output.print_answer(json_, each, object_list_line)
     if not found.objects:
         output.print_to_stderr(f"no object is kept in {ledger_path(is_simulated=simulated)}")
 
@@ -60,13 +60,15 @@ def list_(*, simulated: SimulatedOption = False, json_: JsonOption = False) -> N
 def show(
     number: NumberArgument, *, simulated: SimulatedOption = False, json_: JsonOption = False
 ) -> None:
-    """One object: its tracks, its orbit, where it was seen last.
+    """Show one object: its tracks, its orbit, its last direction.
 
     Example: rsoconsole ledger show 7
     """
-    from rsoconsole.cli.words.ledger_words import object_lines
+    from rsoconsole.cli.words.ledger_words import object_detail_lines
 
-    output.answer(json_, _read(simulated=simulated).named(number), object_lines)
+    output.print_answer(
+        json_, _read(simulated=simulated).object_by_number(number), object_detail_lines
+    )
 
 
 @ledger_app.command()
@@ -84,11 +86,11 @@ def rename(
     from rsoconsole.session import Ledger, rename_change
 
     def change(before: Ledger) -> list[Any]:
-        before.named(number)
+        before.object_by_number(number)
         return [rename_change(number, name)]
 
-    found = _changed(change, simulated=simulated).named(number)
-    output.answer(json_, found, lambda known: f"UCT {number} is called {known.called}")
+    found = _changed(change, simulated=simulated).object_by_number(number)
+    output.print_answer(json_, found, lambda known: f"UCT {number} is called {known.called}")
 
 
 @ledger_app.command()
@@ -99,7 +101,7 @@ def join(
     simulated: SimulatedOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """Two numbers are of one object: all tracks of the first become the other's.
+    """Join two numbers of one object: all tracks of NUMBER become tracks of INTO.
 
     Example: rsoconsole ledger join 9 7
     """
@@ -109,11 +111,11 @@ def join(
         raise typer.BadParameter("name two objects")
 
     def change(before: Ledger) -> list[Any]:
-        before.named(into)
-        return [keep_change(into, each) for each in before.named(number).tracks]
+        before.object_by_number(into)
+        return [keep_change(into, each) for each in before.object_by_number(number).tracks]
 
-    found = _changed(change, simulated=simulated).named(into)
-    output.answer(
+    found = _changed(change, simulated=simulated).object_by_number(into)
+    output.print_answer(
         json_, found, lambda known: f"UCT {number} is {known.called}: {len(known.tracks)} tracks"
     )
 
@@ -122,7 +124,7 @@ def join(
 def forget(
     number: NumberArgument, *, simulated: SimulatedOption = False, json_: JsonOption = False
 ) -> None:
-    """List and match an object no more. Its number is not given again.
+    """Stop listing and matching an object; its number is not used again.
 
     Its lines stay in the file: nothing is erased.
 
@@ -131,12 +133,14 @@ def forget(
     from rsoconsole.session import Ledger, forget_change
 
     def change(before: Ledger) -> list[Any]:
-        before.named(number)
+        before.object_by_number(number)
         return [forget_change(number)]
 
     _changed(change, simulated=simulated)
     found = {"number": number, "forgotten": True}
-    output.answer(json_, found, lambda _: f"UCT {number} is forgotten: it names no track any more")
+    output.print_answer(
+        json_, found, lambda _: f"UCT {number} is forgotten: it names no track any more"
+    )
 
 
 def _read(*, simulated: bool) -> Any:
@@ -150,9 +154,9 @@ def _read(*, simulated: bool) -> Any:
 
 
 def _changed(change: Any, *, simulated: bool) -> Any:
-    from rsoconsole.cli.words.ledger_words import say_moved_aside
+    from rsoconsole.cli.words.ledger_words import report_moved_ledger
     from rsoconsole.session import change_ledger, ledger_path
 
     found, aside = change_ledger(change, ledger_path(is_simulated=simulated))
-    say_moved_aside(aside)
+    report_moved_ledger(aside)
     return found

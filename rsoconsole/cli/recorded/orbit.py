@@ -7,8 +7,8 @@ import typer
 
 from rsoconsole.base import ConfigError, ExportError
 from rsoconsole.cli.words import completion, output
-from rsoconsole.cli.words.batch_options import progress
-from rsoconsole.cli.words.options import ConfigOption, JsonOption, site_of
+from rsoconsole.cli.words.batch_options import progress_bar
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, parse_site
 from rsoconsole.cli.words.standard_input import open_input_files
 from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import load_config
@@ -94,30 +94,30 @@ def orbit(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """The orbit of what was followed, and how well it is known.
+    """Determine the orbit of the object that was followed, and how well it is known.
 
-    Angles alone: a short arc hardly tells the range, and the label says so.
-    'free': the directions alone give the semi-major axis to 100 km.
-    'constrained by prior': with what --prior believes (slot: held over the
-    equator; geo, meo: nearly circular).
+    Only angles are used: a short arc hardly constrains the range, and the label
+    says so. 'free': the directions alone give the semi-major axis to 100 km.
+    'constrained by prior': they do with the assumption of --prior (slot: held over
+    the equator; geo, meo: nearly circular).
     'weak geometry': an orbit, but unchecked or vague. 'not observable': none.
 
-    Several sessions or files are several nights of one object; of each
-    further one it says how likely that is. Files may be CCSDS TDM (keyword =
+    Several sessions or files are several nights of one object; for each
+    further one the answer says how likely that is. Files may be CCSDS TDM (keyword =
     value or XML), IOD or UK lines, tables with named columns (time, ra_deg,
     dec_deg; CSV, ECSV, JSON lines), UDL EOObservation records, or JSON:
     "site" with lat_deg, lon_deg, alt_m; "obs", rows of UTC, RA and Dec
     (J2000 degrees as a plate solution measures them) and, if known, sigmas
-    in arcsec. --site or --stations say what a file does not: where.
+    in arcsec. --site or --stations give the place where a file does not.
 
     State, covariance and elements are along GCRS axes at the epoch; the
-    elements for SGP4 are TEME, as all such are.
+    elements for SGP4 are TEME, as SGP4 requires.
 
     Elements for SGP4 are fitted where the orbit is free or constrained.
 
     Example: rsoconsole orbit sessions/intelsat-14 --out intelsat-14.tle
     """
-    from rsoconsole.cli.words.orbit_words import form_of, orbit_lines, write_elements
+    from rsoconsole.cli.words.orbit_words import elements_form, orbit_lines, write_elements
     from rsoconsole.library import Target, read_observations
     from rsoconsole.orbits import ANALYST_NUMBERS
     from rsoconsole.pipeline import (
@@ -128,11 +128,11 @@ def orbit(
         orbit_report,
     )
 
-    form = None if out is None else form_of(out)  # before the work: a wrong ending ends it
-    ask = read_as(sigma, site, stations, object_, is_radians=radians)
+    form = None if out is None else elements_form(out)  # before the work: a wrong ending ends it
+    ask = read_options(sigma, site, stations, object_, is_radians=radians)
     with as_usage_error("--cospar", ExportError):
         target = Target(cospar=cospar)
-    with open_input_files(paths) as files, progress("orbit"):
+    with open_input_files(paths) as files, progress_bar("orbit"):
         read = [
             group for path in files.paths for group in read_observations(path, ask, track=track)
         ]
@@ -162,10 +162,10 @@ def orbit(
             return
         output.print_to_stderr(words)
     names = [path.name for path in paths]
-    output.answer(json_, report, lambda found: orbit_lines(names, found))
+    output.print_answer(json_, report, lambda found: orbit_lines(names, found))
 
 
-def read_as(
+def read_options(
     sigma_arcsec: float,
     site: str | None,
     stations: Path | None,
@@ -173,15 +173,16 @@ def read_as(
     *,
     is_radians: bool | None,
 ) -> "ReadOptions":
-    """Options for reading observations, from the command line; raises BadParameter for a bad site.
+    """Return the command line's options for reading observations.
 
-    ``sigma_arcsec``: error of directions without one. ``site``: LAT,LON,ELEV. ``stations``: file of
-    stations. ``target``: the object to read. ``is_radians``: True for angles in radians.
+    ``sigma_arcsec``: error of directions without one. ``site``: LAT,LON,ELEV. ``stations``: file
+    of stations. ``target``: the object to read. ``is_radians``: True for angles in radians.
+    Raises BadParameter for a bad site.
     """
     from rsoconsole.library import ReadOptions
 
     with as_usage_error("", ConfigError):
-        place = None if site is None else site_of(site)
+        place = None if site is None else parse_site(site)
     return ReadOptions(
         sigma_arcsec=sigma_arcsec,
         site=place,

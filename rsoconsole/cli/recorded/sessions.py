@@ -28,12 +28,12 @@ def sessions(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """List recorded sessions, one a line: when, how long, frames, what of them was followed, size.
+    """List recorded sessions, one a line: begin, length, frames, share followed, size.
 
-    The share is that of the frames in which the object followed was measured.
-    "cut off" means that the engine did not live to close it: nothing that was
+    The share is the fraction of frames in which the followed object was measured.
+    "cut off" means that the engine ended without closing the session: nothing that was
     acknowledged is lost, and 'rsoconsole sessions repair' closes it. Rescue sessions,
-    which went on where a session could not be written, come last and name it.
+    which continue a session that could not be written, come last and name it.
 
     Example: rsoconsole sessions --root /media/usb/sessions
     """
@@ -67,8 +67,8 @@ def list_(
     if found and not json_:
         output.say(sessions_words.HEADER)
     for each in found:
-        schemas = sessions_words.schemas(each.schema)
-        output.answer(json_, each, sessions_words.summary_words, **schemas)
+        schemas = sessions_words.schema_keys(each.schema)
+        output.print_answer(json_, each, sessions_words.summary_words, **schemas)
     if not found:
         output.print_to_stderr(f"no session is kept in {folder}")
 
@@ -86,11 +86,11 @@ def verify(
     *,
     json_: JsonOption = False,
 ) -> None:
-    """Is a session still what was written? Database, log and every file are read.
+    """Verify that sessions are as written: database, log and every file are read.
 
-    The log is held against the digest it was closed with, every file against its
+    The log is compared with the digest it was closed with, every file with its
     hash; each finding says where it is and what to do. Nothing is changed.
-    Exit 1 when anything is damaged; a session that was cut off is not.
+    Exit 1 when anything is damaged; a session that was cut off is not damaged.
 
     Example: rsoconsole sessions verify NIGHT NIGHT.tar
     """
@@ -99,8 +99,8 @@ def verify(
     def verified(place: Path) -> bool:
         with byte_progress() as report:
             found = verify_session(place, lambda done, total: report("verifying", done, total))
-        schemas = sessions_words.schemas(found.schema)
-        output.answer(json_, found, sessions_words.verification_lines, **schemas)
+        schemas = sessions_words.schema_keys(found.schema)
+        output.print_answer(json_, found, sessions_words.verification_lines, **schemas)
         return found.is_sound
 
     _each(places, verified, "not sound", json_)
@@ -108,21 +108,22 @@ def verify(
 
 @sessions_app.command()
 def repair(places: SessionsArgument, *, json_: JsonOption = False) -> None:
-    """Set a session right after a loss of power, or save what can be read of a damaged one.
+    """Repair a session after a loss of power, or save what is readable of a damaged one.
 
-    Closes it with the digest of its log, takes in frames that were whole on the
-    disk and not yet in the log, removes what was half written. No record is
-    changed. A damaged database stays as it is: what can be read of it goes into
-    a new session beside it, NAME.recovered. What a rescue session holds goes back into
-    its session, is read back, and only then is the rescue removed. A second time
-    there is nothing to do.
+    Closes the session with the digest of its log, adds complete frame files that the
+    log does not have yet, and removes half-written files. No record is changed. A
+    damaged database stays as it is: what can be read of it goes into a new session
+    beside it, NAME.recovered. A rescue session is merged into its session, read
+    back, and only then removed. On a repaired session the verb does nothing.
 
     Example: rsoconsole sessions repair NIGHT
     """
     from rsoconsole.session import repair_session
 
     def repaired(place: Path) -> bool:
-        output.answer(json_, repair_session(place, time.time_ns()), sessions_words.repair_lines)
+        output.print_answer(
+            json_, repair_session(place, time.time_ns()), sessions_words.repair_lines
+        )
         return True
 
     _each(places, repaired, "not repaired", json_)
@@ -143,9 +144,8 @@ def archive(
     """Pack sessions into one plain tar each, with the hash of every file in it.
 
     The session is verified first, the archive is read back afterwards; only then
-    is the original removed, and only with --remove. 'tar xf' makes a session of
-    it again, 'sha256sum -c MANIFEST.sha256' checks it, and so does
-    'sessions verify'.
+    is the original removed, and only with --remove. 'tar xf' restores the session;
+    'sha256sum -c MANIFEST.sha256' and 'sessions verify' check it.
 
     Example: rsoconsole sessions archive NIGHT --out /media/usb --remove
     """
@@ -155,7 +155,7 @@ def archive(
         target = place.resolve().parent if out is None else out
         with byte_progress() as report:
             made = archive_session(place, target, time.time_ns(), remove=remove, on_bytes=report)
-        output.answer(json_, made, sessions_words.archive_words)
+        output.print_answer(json_, made, sessions_words.archive_words)
         return True
 
     _each(places, archived, "not archived", json_)
@@ -186,11 +186,11 @@ def prune(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Give disk back by a policy: shows what would go, and does it with --yes.
+    """Free disk space by rules: shows what would be removed, and removes it with --yes.
 
-    A session goes only if every rule allows it. Never touched: live sessions, those
-    that wait for a repair, those marked by 'sessions keep', and those on which a
-    what-if branch stands. What went is on record in the session's upkeep.jsonl.
+    Something of a session is removed only if every rule allows it. Never touched: live sessions,
+    those that need a repair, those marked by 'sessions keep', and those with a what-if branch
+    (but see --with-branches). Each removal is recorded in the session's upkeep.jsonl.
 
     Example: rsoconsole sessions prune --keep-days 30 --keep-last 5 --free 20
     """
@@ -212,11 +212,11 @@ def prune(
     if yes:
         prune_sessions(steps, policy, now_utc_ns)
     for step in steps:
-        output.answer(
+        output.print_answer(
             json_, step, sessions_words.pruning_step_words, what=what, is_done=yes and step.goes
         )
     if not json_:
-        sessions_words.say_plan(steps, folder, what, yes)
+        sessions_words.print_pruning_total(steps, folder, what, yes)
 
 
 @sessions_app.command()
@@ -235,7 +235,7 @@ def keep(
 
     for place in places:
         SessionReader(place)
-        upkeep.release(place) if release else upkeep.keep(place, why)
+        upkeep.allow_pruning(place) if release else upkeep.protect_from_pruning(place, why)
         output.say(f"{place}: {'may be pruned' if release else 'kept'}")
 
 

@@ -13,7 +13,7 @@ from rsoconsole.cli.words.batch_options import (
     SchedulerOption,
     SerialOption,
     WorkersOption,
-    progress,
+    progress_bar,
     resolved_paths,
 )
 from rsoconsole.cli.words.options import (
@@ -42,7 +42,7 @@ SHARED_FROM = 8
 
 
 class SetOptionCommand(TyperCommand):
-    """Command whose ``--set NAME VALUE`` may be repeated: typer itself repeats no pairs."""
+    """Command with a repeatable ``--set NAME VALUE``, which typer itself does not allow."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Join each ``--set NAME VALUE`` to NAME=VALUE, then parse the command line."""
@@ -97,9 +97,9 @@ def what_if(
     no_dask: NoDaskOption = False,
     json_: JsonOption = False,
 ) -> None:
-    """What a recorded night would have been with other settings; the record stays as it is.
+    """Compute a recorded night with other settings; the record stays as it is.
 
-    The filter runs again over what was measured; --detector and --solver also over the frames.
+    The filter runs again over the measurements; --detector, --solver over kept frames.
     Example: rsoconsole what-if sessions/intelsat-14 --q 4 --r 0.5 --save calmer
 
     --propose seeks Q and R by the likelihood of the innovations, of several sessions together.
@@ -156,20 +156,20 @@ def what_if(
 def _answer(questions: "list[BatchWhatIf]", pool: "WorkerPool", json_: bool) -> None:
     from dataclasses import replace
 
-    from rsoconsole.cli.words.what_if_words import answer_lines
-    from rsoconsole.pipeline import answer, failed_what_if, run_tasks
+    from rsoconsole.cli.words.what_if_words import what_if_lines
+    from rsoconsole.pipeline import failed_what_if, run_tasks, run_what_if
 
     failures = 0
     is_alone = len(questions) == 1
     if is_alone and (questions[0].detector or questions[0].solver):
-        with progress("frames looked through") as on_frame:
-            answers = [answer(questions[0], on_frame)]
+        with progress_bar("frames looked through") as on_frame:
+            answers = [run_what_if(questions[0], on_frame)]
     else:
         paths = resolved_paths([each.session for each in questions])
         whole = [replace(q, session=path) for q, path in zip(questions, paths, strict=True)]
-        with progress("sessions", len(questions)) as on_done:
+        with progress_bar("sessions", len(questions)) as on_done:
             found_of = run_tasks(
-                answer, whole, pool, failed=failed_what_if, paths=paths, on_done=on_done
+                run_what_if, whole, pool, failed=failed_what_if, paths=paths, on_done=on_done
             )
             answers = list(found_of)
     for question, found in zip(questions, answers, strict=True):
@@ -178,18 +178,18 @@ def _answer(questions: "list[BatchWhatIf]", pool: "WorkerPool", json_: bool) -> 
             failures += 1
             output.report_fault(json_, found.error, session=shown)
         else:
-            output.answer(json_, found, partial(answer_lines, shown), session=shown)
+            output.print_answer(json_, found, partial(what_if_lines, shown), session=shown)
     output.exit_if(failures)
 
 
 def _propose(sessions: list[Path], save: str | None, json_: bool, *, force: bool) -> None:
     from rsoconsole.cli.words.what_if_words import proposal_lines
-    from rsoconsole.pipeline import check_name, propose, save_branch, what_if_session
+    from rsoconsole.pipeline import new_branch_folder, propose, save_branch, what_if_session
 
     if save is not None:
         for session in sessions:
-            check_name(session, save, force=force)
-    with progress("filter run") as on_evaluation:
+            new_branch_folder(session, save, force=force)
+    with progress_bar("filter run") as on_evaluation:
         found = propose(sessions, on_evaluation=on_evaluation)
     effects = [what_if_session(folder, found.changes) for folder in found.sessions]
     branches: list[Path] = []
@@ -213,7 +213,7 @@ def _list_branches(session: Path, json_: bool) -> None:
 
     SessionReader(session)  # says so where it is none
     for branch in branches_of(session):
-        output.answer(json_, branch, _branch_line, session=session)
+        output.print_answer(json_, branch, _branch_line, session=session)
 
 
 def _branch_line(branch: "Branch") -> str:
@@ -228,4 +228,4 @@ def _drop_branch(session: Path, name: str, json_: bool) -> None:
 
     folder = drop_branch(session, name)
     found = {"session": str(session), "dropped": name, "folder": str(folder)}
-    output.answer(json_, found, lambda _: f"{folder} is deleted")
+    output.print_answer(json_, found, lambda _: f"{folder} is deleted")

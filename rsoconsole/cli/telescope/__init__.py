@@ -1,1 +1,1 @@
-"""Verbs for the running telescope and its machine."""
+"""Verbs for the running telescope and the computer that controls it."""

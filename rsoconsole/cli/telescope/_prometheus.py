@@ -11,7 +11,7 @@ STATES = ("IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAUL
 Sample = tuple[dict[str, str], float]
 
 
-def metrics(status: Status | None) -> str:
+def metrics_text(status: Status | None) -> str:
     """Metrics of an engine's status as text; ``status`` None: no engine runs."""
     lines: list[str] = []
     for name, words, samples in _families(status):

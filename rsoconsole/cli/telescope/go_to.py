@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsoconsole.base import ControlError
-from rsoconsole.cli.telescope.order import send
-from rsoconsole.cli.telescope.waiting import Goal, WaitOption, arrival, config_of
+from rsoconsole.cli.telescope.order import send_and_report
+from rsoconsole.cli.telescope.waiting import Goal, WaitOption, arrival_goal, session_config
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import JsonOption, OverrideOption, SocketOption
 from rsoconsole.cli.words.usage import as_usage_error
@@ -35,11 +35,11 @@ def goto(
 ) -> None:
     """Move the telescope by hand, within its limits; autonomy waits until 'rsoconsole resume'.
 
-    It takes what the console's go-to takes, and says what it understood before anything moves. A
-    number that may be hours or degrees is refused with both readings.
+    TARGET is written as in the console's go-to; the verb says how it was understood before
+    anything moves. A number that may be hours or degrees is refused with both readings.
 
     The answer is the mount's: on its way, or refused and why. With --wait it comes when the mount
-    is measured to be at rest there, or why it is not.
+    is measured to be at rest there, or says why it is not.
 
     Example: rsoconsole goto "alt 50 az 180"
     """
@@ -48,13 +48,13 @@ def goto(
         MovePreview,
         Sender,
         ask_engine,
+        ask_status,
         preview_lines,
         read_record,
-        status_of,
     )
 
     client = ControlClient(socket, sender=Sender(name="command"))
-    status = status_of(client)
+    status = ask_status(client)
     found = _understood(" ".join(target), status)
     move = Goto(
         ra_icrs_deg=found.ra_icrs_deg,
@@ -81,17 +81,19 @@ def goto(
         # Some look beside where they are told to look: the mount is told what makes up for it.
         ra_icrs_deg = float(taken.data.get("command_ra_icrs_deg", move.ra_icrs_deg))
         dec_icrs_deg = float(taken.data.get("command_dec_icrs_deg", move.dec_icrs_deg))
-        near_arcmin = config_of(status.session).mount.arrival_arcmin
-        return arrival(ra_icrs_deg, dec_icrs_deg, near_arcmin)
+        near_arcmin = session_config(status.session).mount.arrival_arcmin
+        return arrival_goal(ra_icrs_deg, dec_icrs_deg, near_arcmin)
 
-    send(move, "goto", client, json_=json_, goal_of=goal_of if wait else None, more=facts)
+    send_and_report(
+        move, "goto", client, json_=json_, goal_of=goal_of if wait else None, more=facts
+    )
 
 
 def _understood(text: str, status: "Status") -> "ParsedDirection":
     """Direction of the text at the engine's own time and site. Raises BadParameter for none."""
     from rsoconsole.pipeline import TargetNames, parse_direction
 
-    config = config_of(status.session)
+    config = session_config(status.session)
     if status.now_utc_ns is None:
         raise ControlError("the engine does not say what time it has: it is of another version")
     names = TargetNames.load(config.catalogue.tle_files)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from rsoconsole.base import ControlError
-from rsoconsole.cli.telescope.waiting import GOALS, Follower, Goal, WaitOption
+from rsoconsole.cli.telescope.waiting import GOALS, Goal, GoalWait, WaitOption
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import JsonOption, SocketOption, number_or_text
 from rsoconsole.cli.words.usage import as_usage_error
@@ -30,16 +30,16 @@ _COMPLETED: Mapping[tuple[str, str], completion.Completer] = {
 """Completers by (verb, field of its command)."""
 
 
-def register(app: typer.Typer) -> None:
+def add_command_verbs(app: typer.Typer) -> None:
     """Add a verb to the program for every command that has an example for the shell."""
     for command in COMMANDS.values():
         if command.shell:
             # A negative angle is an argument, no option.
             settings = {"ignore_unknown_options": _has_numbers(command)}
-            app.command(verb_of(command), context_settings=settings)(verb_function(command))
+            app.command(shell_verb(command), context_settings=settings)(verb_function(command))
 
 
-def verb_of(command: type[Command]) -> str:
+def shell_verb(command: type[Command]) -> str:
     """Verb of a command in the shell: the second word of its example."""
     return command.shell.split()[1]
 
@@ -69,7 +69,7 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
         _check(wanted)
         client = ControlClient(socket, sender=Sender(name="command"))
         goal_of = (lambda _: GOALS[command.verb]) if wait else None
-        send(wanted, verb_of(command), client, json_=json_, goal_of=goal_of)
+        send_and_report(wanted, shell_verb(command), client, json_=json_, goal_of=goal_of)
 
     verb.__doc__ = f"{command.shell_help}\n\nExample: {command.shell}"
     verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -77,7 +77,7 @@ def verb_function(command: type[Command]) -> Callable[..., None]:
     return verb
 
 
-def send(
+def send_and_report(
     command: Command,
     verb: str,
     client: "ControlClient",
@@ -88,16 +88,16 @@ def send(
 ) -> None:
     """Send a command to the engine and print its result.
 
-    ``goal_of``: gives the goal to wait for from the engine's outcome; None: no wait. ``more``:
-    further keys of the JSON. Raises ControlError where the engine refuses the command or the goal
-    is missed.
+    ``goal_of``: makes the goal to wait for from the engine's outcome; None: do not wait.
+    ``more``: further keys of the JSON. Raises ControlError where the engine refuses the command
+    or the mount does not reach the goal.
     """
-    follower = None if goal_of is None else Follower(client)
+    follower = None if goal_of is None else GoalWait(client)
     outcome = client.send(command)
     if follower is not None and goal_of is not None and outcome.ok:
         if not json_:
             output.say(outcome.message)
-        outcome = follower.outcome(goal_of(outcome))
+        outcome = follower.wait_for_outcome(goal_of(outcome))
     if json_:
         report = {"verb": verb, "ok": outcome.ok, "message": outcome.message}
         output.emit_json(report, **(more or {}))

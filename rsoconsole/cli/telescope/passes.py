@@ -9,12 +9,12 @@ import typer
 
 from rsoconsole.base import OrbitError
 from rsoconsole.cli.words import output
-from rsoconsole.cli.words.batch_options import progress
-from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, catalogue_of
+from rsoconsole.cli.words.batch_options import progress_bar
+from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, read_element_sets
 from rsoconsole.cli.words.standard_input import open_input_files
 from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import Config, load_config
-from rsoconsole.words import NS_PER_S, clock, no_night, utc_ns_to_iso
+from rsoconsole.words import NS_PER_S, no_night_text, utc_ns_to_iso, utc_text
 
 if TYPE_CHECKING:
     from rsoconsole.orbits import CatalogueEntry
@@ -51,10 +51,10 @@ def passes(
 ) -> None:
     """List the night's passes of catalogued objects in low orbits over the site.
 
-    Without --tle those of catalogue.tle_files in the configuration.
-    From where they come above limits.min_altitude_deg and the horizon mask to
-    where they go below. Only those on which the Sun shines for a part of the
-    pass; times are as sure as their elements are (±s, one sigma by their age).
+    Without --tle the files of catalogue.tle_files in the configuration are used. A pass lasts
+    while the object is above limits.min_altitude_deg and the horizon mask. Listed are passes that
+    are sunlit at least in part; times are as sure as their elements (±s, one sigma by the
+    elements' age).
 
     Example: rsoconsole passes --tle active.tle --top 45
     """
@@ -68,7 +68,8 @@ def passes(
         for each in shown:
             output.emit_json(pass_report(each))
         return
-    words = f"from {clock(span[0], 'dated minute', '')} to {clock(span[1], 'dated minute')}"
+    start, end = (utc_text(span[0], "dated minute", ""), utc_text(span[1], "dated minute"))
+    words = f"from {start} to {end}"
     if not shown:
         output.say(f"no pass {words}: {_left_out_words(found, top)}")
         return
@@ -78,7 +79,7 @@ def passes(
 
 
 def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[CatalogueEntry]":
-    entries = catalogue_of(files)
+    entries = read_element_sets(files)
     known = {each.norad_id for each in entries}
     missing = [str(each) for each in norad if each not in known]
     if missing:
@@ -102,25 +103,25 @@ def _span(config: Config, at: str, hours: float | None) -> tuple[int, int]:
     elif dark is not None:
         last_ns = max(dark[1], first_ns)
     else:
-        raise OrbitError(f"{no_night(twilight_deg)}: say how long with --hours")
+        raise OrbitError(f"{no_night_text(twilight_deg)}: say how long with --hours")
     return first_ns, last_ns
 
 
 def _looked_for(
     entries: "Sequence[CatalogueEntry]", config: Config, span: tuple[int, int], *, is_low_only: bool
 ) -> "list[NightPass]":
-    from rsoconsole.pipeline import errors_of, night_passes
+    from rsoconsole.pipeline import catalogue_errors, night_passes
 
     found: list[NightPass] = []
     before = 0
-    with progress("objects", len(entries)) as bar:
+    with progress_bar("objects", len(entries)) as bar:
         for done, some in night_passes(
             entries,
             config.site.to_site(),
             span,
             config.limits,
             is_low_only=is_low_only,
-            errors=errors_of(config.catalogue),
+            errors=catalogue_errors(config.catalogue),
         ):
             found += some
             bar(done - before)

@@ -12,10 +12,16 @@ from pathlib import Path
 import platformdirs
 import typer
 
-from rsoconsole.base import ConfigError, RsoconsoleError, resource
+from rsoconsole.base import ConfigError, RsoconsoleError, resource_path
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.options import ConfigOption, JsonOption
-from rsoconsole.config import APP, INIT_WRITES, default_config_path, load_config, variables_set
+from rsoconsole.config import (
+    APP,
+    INIT_WRITES,
+    default_config_path,
+    environment_overrides,
+    load_config,
+)
 
 UNIT = f"{APP}.service"
 MARK = "# Written by 'rsoconsole service install'"
@@ -45,15 +51,17 @@ def service_show(config: ConfigOption = None) -> None:
 
     Example: rsoconsole service show
     """
-    is_possible = has_namespace()
-    output.emit_text(unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True))
+    is_possible = is_namespace_allowed()
+    output.emit_text(
+        unit_text(exec_start_command(config), os.environ, is_in_namespace=is_possible is True)
+    )
 
 
 @service_app.command("install")
 def service_install(config: ConfigOption = None) -> None:
-    """Write the unit for this installation; it is neither enabled nor started by that.
+    """Write the unit for this installation, but neither enable nor start it.
 
-    It never arms: after each start the telescope stands until 'rsoconsole arm'.
+    The unit never arms: after each start the telescope does not move until 'rsoconsole arm'.
     Example: rsoconsole service install --config ~/.config/rsoconsole/config.toml
     """
     _need_systemd()
@@ -64,8 +72,8 @@ def service_install(config: ConfigOption = None) -> None:
         )
     path = unit_path()
     _refuse_foreign(path)
-    is_possible = has_namespace()
-    text = unit_text(exec_start(config), os.environ, is_in_namespace=is_possible is True)
+    is_possible = is_namespace_allowed()
+    text = unit_text(exec_start_command(config), os.environ, is_in_namespace=is_possible is True)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -83,7 +91,7 @@ def service_install(config: ConfigOption = None) -> None:
         output.say(f"systemd has not read it yet ({fault}): it will at your next login")
     elif _word("is-active") == "active":
         output.say(f"it runs still as it was: systemctl --user restart {APP}")
-    if own := variables_set():
+    if own := environment_overrides():
         output.print_to_stderr(
             f"{APP}: of your environment the service has nothing: write what {', '.join(own)}"
             f" {'say' if len(own) > 1 else 'says'} into the file"
@@ -100,7 +108,7 @@ def service_install(config: ConfigOption = None) -> None:
 
 @service_app.command("remove")
 def service_remove() -> None:
-    """Stop the service safely, disable it, and take its unit away.
+    """Stop the service safely, disable it, and delete its unit.
 
     Example: rsoconsole service remove
     """
@@ -119,7 +127,7 @@ def service_remove() -> None:
 
 @service_app.command("status")
 def service_status(json_: JsonOption = False) -> None:
-    """Is the service installed, enabled, running, and does it outlive a login?
+    """Say whether the service is installed, enabled and running, and continues after logout.
 
     Example: rsoconsole service status --json
     """
@@ -158,14 +166,14 @@ def unit_path() -> Path:
 
 def namespace_lines() -> list[str]:
     """Lines of the unit whose settings need a user namespace."""
-    text = resource("engine", "service", "namespace.conf").read_text(encoding="utf-8")
+    text = resource_path("engine", "service", "namespace.conf").read_text(encoding="utf-8")
     return [line for line in text.splitlines() if line and not line.startswith("#")]
 
 
-def has_namespace() -> bool | None:
-    """True where this user's services may have a user namespace; None where the test failed.
+def is_namespace_allowed() -> bool | None:
+    """Return whether this user's services may have a user namespace; None: the test failed.
 
-    Tested by having systemd run the program ``true`` in one. Where it is False, a unit that
+    In the test, systemd runs the program ``true`` in one. Where the result is False, a unit that
     requires a namespace does not start.
     """
     program, does_nothing = shutil.which("systemd-run"), shutil.which("true")
@@ -187,24 +195,25 @@ def has_namespace() -> bool | None:
 def unit_text(
     command: tuple[str, ...], environ: Mapping[str, str], *, is_in_namespace: bool = True
 ) -> str:
-    """Text of the unit that runs a command.
+    """Return the text of a systemd unit that runs ``command``.
 
-    ``command``: program (an absolute path) and arguments. ``environ``: environment from which the
-    unit takes ``CARRIED``. ``is_in_namespace``: include the settings that need a user namespace.
+    ``command``: program (an absolute path) and arguments. ``environ``: environment of which the
+    unit gets the variables in ``CARRIED``. ``is_in_namespace``: include the settings that need a
+    user namespace.
     """
-    template = resource("engine", "service", UNIT).read_text(encoding="utf-8")
+    template = resource_path("engine", "service", UNIT).read_text(encoding="utf-8")
     settings = ["PYTHONUNBUFFERED=1"]
     settings += [f"{name}={environ[name]}" for name in CARRIED if environ.get(name)]
     environment = "\n".join(f"Environment={_quoted(setting, dollar='$')}" for setting in settings)
     # Of the program's own path systemd replaces no variables, of the arguments it does.
     start = " ".join([_quoted(command[0], dollar="$"), *map(_quoted, command[1:])])
-    inner = resource("engine", "service", "namespace.conf").read_text(encoding="utf-8")
+    inner = resource_path("engine", "service", "namespace.conf").read_text(encoding="utf-8")
     # First: what else is put in may hold any word.
     template = template.replace("@NAMESPACE@", f"\n{inner}" if is_in_namespace else "")
     return template.replace("@EXEC_START@", start).replace("@ENVIRONMENT@", environment)
 
 
-def exec_start(config: Path | None) -> tuple[str, ...]:
+def exec_start_command(config: Path | None) -> tuple[str, ...]:
     """Command that starts this installation's engine unarmed, with ``config`` as absolute path."""
     if not sys.executable:
         raise RsoconsoleError("Python does not know its own path: start it by its full path")

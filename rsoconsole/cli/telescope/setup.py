@@ -1,4 +1,4 @@
-"""Verbs for the set-up of a machine: doctor, config, index, alerts."""
+"""Verbs that prepare a computer: doctor, config, index, alerts."""
 
 import contextlib
 import logging
@@ -17,7 +17,7 @@ from rsoconsole.words import count_words
 
 if TYPE_CHECKING:
     from rsoconsole.config import Setting
-    from rsoconsole.engine import Check
+    from rsoconsole.engine import CheckResult
 
 config_app = typer.Typer(
     no_args_is_help=True, help="The effective configuration: show, init, check."
@@ -35,13 +35,14 @@ def doctor(
         bool, typer.Option("--bench", help="Measure this machine instead; half a minute.")
     ] = False,
 ) -> None:
-    """Is this machine ready? Model, index files, INDI server, clock, power, disk, terminal.
+    """Check this machine: model, index files, INDI server, clock, power, disk, terminal.
 
-    Exit 1 when a check fails. With --bench a drawn frame goes through every stage of a night, and
-    the times say which exposure and cadence this machine holds; exit 1 when not the configured
-    ones. What the camera's own transfer takes is not in it. Its --json: one object of kind
-    "machine", one of kind "stage" for each (stage, median_ms, least_ms, largest_ms, repeats), one
-    of kind "verdict" (is_held, shortest_cadence_s, night_mb and so on, ok).
+    Exit 1 when a check fails. With --bench a simulated frame goes through every stage of a night,
+    and the times say which exposure and cadence this machine can hold; exit 1 where it cannot
+    hold the configured ones. The camera's own transfer time is not included. --bench --json
+    prints one object of kind "machine", one of kind "stage" for each (stage, median_ms, least_ms,
+    largest_ms, repeats), and one of kind "verdict" (is_held, shortest_cadence_s, night_mb and so
+    on, ok).
     Example: rsoconsole doctor --json
     """
     if bench:
@@ -54,11 +55,11 @@ def doctor(
     failed = 0
     for check in run_checks(load_config(config)):
         failed += check.ok is False
-        output.answer(json_, check, _check_lines)
+        output.print_answer(json_, check, _check_lines)
     output.exit_if(failed, f"{count_words(failed, 'check')} failed; each says what to do")
 
 
-def _check_lines(check: "Check") -> Iterator[str]:
+def _check_lines(check: "CheckResult") -> Iterator[str]:
     mark = {True: "ok  ", False: "FAIL", None: "?   "}[check.ok]
     yield f"{mark} {check.check:16} {check.detail}"
     if not check.ok and check.remedy:
@@ -67,17 +68,17 @@ def _check_lines(check: "Check") -> Iterator[str]:
 
 @config_app.command("show")
 def config_show(config: ConfigOption = None, json_: JsonOption = False) -> None:
-    """Every setting in force, with where its value came from.
+    """Show every setting in force, and where its value comes from.
 
-    An option counts more than an environment variable (RSOCONSOLE_SITE__LATITUDE_DEG=51.5), that
-    more than the file, that more than the default. A list in a variable is one value, or JSON.
+    An option takes precedence over an environment variable (RSOCONSOLE_SITE__LATITUDE_DEG=51.5),
+    that over the file, and the file over the default. A list in a variable is one value, or JSON.
 
     Example: rsoconsole config show
     """
     from rsoconsole.config import effective_settings
 
     for setting in effective_settings(config):
-        output.answer(json_, setting, _setting_line)
+        output.print_answer(json_, setting, _setting_line)
 
 
 def _setting_line(setting: "Setting") -> str:
@@ -102,7 +103,7 @@ def config_init(
 
 @config_app.command("check")
 def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None:
-    """Everything that is wrong with the configuration, each with its remedy.
+    """List everything that is wrong with the configuration, each fault with its remedy.
 
     Example: rsoconsole config check --config night.toml
     """
@@ -110,14 +111,14 @@ def config_check(config: ConfigOption = None, json_: JsonOption = False) -> None
 
     faults = config_faults(config)
     for fault in faults:
-        output.answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
+        output.print_answer(json_, fault, lambda f: f"{f.name or 'file'}: {f.problem}: {f.remedy}")
     output.exit_if(len(faults), f"{count_words(len(faults), 'fault')} in the configuration")
     if not json_:
         output.say(*valid_config_lines(config))
 
 
 def valid_config_lines(config: Path | None) -> list[str]:
-    """Lines on a valid configuration file, or, without a file, on the defaults in force."""
+    """Return lines on a valid configuration file, or on the defaults where there is no file."""
     path = config or default_config_path()
     if path.exists():
         return [f"{path}: the configuration is sound"]
@@ -135,15 +136,15 @@ def valid_config_lines(config: Path | None) -> list[str]:
 
 @index_app.command("list")
 def index_list(config: ConfigOption = None, json_: JsonOption = False) -> None:
-    """Index files found, and which the configured field needs.
+    """List the index files found, and the series that the configured field needs.
 
     Example: rsoconsole index list
     """
-    from rsoconsole.instruments import list_index_files, needed_scales, search_dirs
+    from rsoconsole.instruments import folders_to_search, list_index_files, needed_tycho_numbers
 
     settings = load_config(config)
-    needed = needed_scales(settings.optics.field_deg)
-    for file in list_index_files(search_dirs(settings.solver.index_dirs)):
+    needed = needed_tycho_numbers(settings.optics.field_deg)
+    for file in list_index_files(folders_to_search(settings.solver.index_dirs)):
         is_needed = file.scale in needed
         if json_:
             output.emit_json(file, is_needed=is_needed)
@@ -171,28 +172,28 @@ def index_install(
 
     Example: rsoconsole index install --from /usr/share/astrometry
     """
-    from rsoconsole.instruments import install, needed_scales
+    from rsoconsole.instruments import install_index_files, needed_tycho_numbers
 
     settings = load_config(config)
-    wanted = tuple(scale) if scale else needed_scales(settings.optics.field_deg)
+    wanted = tuple(scale) if scale else needed_tycho_numbers(settings.optics.field_deg)
     with byte_progress() as report:
-        installed = install(wanted, from_dir=from_, progress=report)
+        installed = install_index_files(wanted, from_dir=from_, progress=report)
     for file in installed:
         output.say(f"{file.scale}  {file.size_bytes / 1e6:.1f} MB  {file.path}")
 
 
 @alerts_app.command("test")
-def send_test(config: ConfigOption = None, json_: JsonOption = False) -> None:
-    """Send a message by each service of [alerts], and call the heartbeat once.
+def send_test_alert(config: ConfigOption = None, json_: JsonOption = False) -> None:
+    """Send a test message by each service of [alerts], and call the heartbeat once.
 
-    Exit 1 where one of them does not take it. --json: `service, ok, detail`, one object a service.
+    Exit 1 where one of them fails. --json: `service, ok, detail`, one object a service.
 
     Example: rsoconsole alerts test
     """
     from rsoconsole.engine import send_heartbeat, send_within, services_of
 
     settings = load_config(config)
-    if not settings.alerts.is_wanted:
+    if not settings.alerts.is_configured:
         raise ConfigError(
             'no service is configured: write alerts.services = ["ntfy://TOPIC"] into the'
             " configuration, with a topic of your own"

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rsoconsole.base import ControlError, system_errors_as, waits_reported_to
+from rsoconsole.base import ControlError, report_waits_to, system_errors_as
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.options import (
     ConfigOption,
@@ -19,7 +19,7 @@ from rsoconsole.cli.words.options import (
 )
 from rsoconsole.config import load_config
 from rsoconsole.control import AskStatus, Status
-from rsoconsole.instruments import stop_past_engine
+from rsoconsole.instruments import stop_without_engine
 from rsoconsole.words import ENGINE_ENDS, direction
 
 log = logging.getLogger(__name__)
@@ -42,14 +42,14 @@ def console(
     graphics: GraphicsOption = None,
     socket: SocketOption = None,
 ) -> None:
-    """The operator's console: attaches to the running engine and shows its whole night.
+    """Open the operator's console: attach to the running engine and show its whole night.
 
-    Leaving it, or losing it, changes nothing for the telescope.
+    When the console is left or lost, nothing changes for the telescope.
 
     x or ctrl+x is STOP, q leaves, F1 shows every other key, ctrl+p finds each
     action by its name; a keymap.toml beside the configuration gives actions
     other keys. Works from 40 x 12 on, at its best from 80 x 24; NO_COLOR=1 is
-    heeded, ctrl+t changes the colours (night: red only). Pictures are drawn by
+    obeyed, ctrl+t changes the colours (night: red only). Pictures are drawn by
     the terminal's own graphics, or by the finest characters that it draws;
     --graphics chooses.
 
@@ -61,7 +61,7 @@ def console(
         socket=socket,
         session=session,
         read_only=read_only,
-        stop_directly=stop_past_engine,
+        stop_directly=stop_without_engine,
         graphics=graphics,
     )
     if ending == "stop engine":
@@ -101,15 +101,16 @@ def engine(
 
     It moves nothing until it is armed: by --arm, or by 'rsoconsole arm' from another terminal.
 
-    With --pass it waits at a point of the satellite's orbit until it comes through there, early
-    or late by three times leap.late_sigma_s; the first streak says how late it is and how far
-    across, and the orbit of its streaks leads from then on ('rsoconsole passes' lists a night's).
+    With --pass the telescope waits at a point of the satellite's path until the satellite comes
+    through the field, early or late by up to three times leap.late_sigma_s. The first streak says
+    how late it is and how far across its path; from then on the telescope is aimed by the orbit
+    fitted to the streaks ('rsoconsole passes' lists a night's passes).
 
     Example: rsoconsole engine --config ~/.config/rsoconsole/config.toml --arm
 
     Example: rsoconsole engine --arm --pass 25544 --tle active.tle
     """
-    from rsoconsole.engine import RunSettings, entry_of, run_engine
+    from rsoconsole.engine import RunSettings, load_awaited_elements, run_engine
 
     if tle and pass_ is None:
         raise typer.BadParameter("--tle belongs to --pass")
@@ -118,9 +119,9 @@ def engine(
         overrides = {"leap.enabled": True, "leap.pass_norad": pass_}
         if tle:
             overrides["catalogue.tle_files"] = [str(each.resolve()) for each in tle]
-        entry_of(load_config(config, overrides))  # now, not when the night has begun
+        load_awaited_elements(load_config(config, overrides))  # now, not when the night has begun
     waits = "" if arm else "; it waits for 'rsoconsole arm'"
-    with waits_reported_to(output.print_to_stderr):
+    with report_waits_to(output.print_to_stderr):
         run_engine(
             load_config(config, overrides),
             RunSettings(
@@ -145,15 +146,15 @@ def status(
         Path | None, typer.Option(help="With --prometheus: a file, written whole or not at all.")
     ] = None,
 ) -> None:
-    """One line about the running engine, for scripts and tmux.
+    """Print one line about the running engine, for scripts and tmux.
 
-    Where several satellites are followed a table of them comes below it, and where the telescope
-    looks next: * is the lead, + one that is kept, "next" whether it is then in the field. Then each
-    one's nearest neighbour with the next closest approach, tracks that are in no catalogue, and who
-    should be in the field and is not seen.
+    Where several satellites are followed, a table of them comes below, with where the telescope
+    looks next: * marks the lead, + a track that is kept, "next" whether it is then in the field.
+    Then come each one's nearest neighbour with their next closest approach, tracks that are in no
+    catalogue, and objects that should be in the field and are not seen.
 
-    With --prometheus --out FILE a timer writes figures for node_exporter's textfile collector;
-    nothing listens. Without an engine that is rsoconsole_up 0, and no failure.
+    With --prometheus --out FILE, run by a timer, figures are written for node_exporter's textfile
+    collector; no port is opened. Without an engine it writes rsoconsole_up 0 and does not fail.
 
     Example: rsoconsole status --json
 
@@ -170,8 +171,8 @@ def status(
         Sender,
         ask_engine,
         fault_words,
-        held_words,
-        holder_words,
+        hold_words,
+        mount_holder_words,
         mount_words,
         read_status,
     )
@@ -181,8 +182,8 @@ def status(
         output.emit_json(dict(answer))
         return
     status = read_status(answer)
-    state = f"{status.state} {held_words(status)}".rstrip()
-    words = [state, holder_words(status.holder, "plain"), f"frame {status.frame_id}"]
+    state = f"{status.state} {hold_words(status)}".rstrip()
+    words = [state, mount_holder_words(status.holder, "plain"), f"frame {status.frame_id}"]
     if status.target:
         words.append(f"follows {status.target}")
     if status.kept:
@@ -207,13 +208,13 @@ def status(
 
 def _write_metrics(socket: Path | None, out: Path | None) -> None:
     from rsoconsole.base import write_durably
-    from rsoconsole.cli.telescope._prometheus import metrics
-    from rsoconsole.control import ControlClient, Sender, status_of
+    from rsoconsole.cli.telescope._prometheus import metrics_text
+    from rsoconsole.control import ControlClient, Sender, ask_status
 
     try:
-        text = metrics(status_of(ControlClient(socket, sender=Sender(name="status"))))
+        text = metrics_text(ask_status(ControlClient(socket, sender=Sender(name="status"))))
     except ControlError:
-        text = metrics(None)
+        text = metrics_text(None)
     if out is None:
         output.emit_text(text)
         return
@@ -223,36 +224,36 @@ def _write_metrics(socket: Path | None, out: Path | None) -> None:
 
 def _say_field(status: Status) -> None:
     """Print tracks, the next aim point, closest approaches, and objects that were not seen."""
-    from rsoconsole.control import aim_parts, field_words, track_table
+    from rsoconsole.control import neighbours_and_missing_words, next_aim_parts, track_table
 
     lines: list[str] = []
     if len(status.tracks) > 1:
         lines += track_table(status)
-        lines += [] if status.next_aim is None else [" · ".join(aim_parts(status.next_aim))]
-    lines += field_words(status.pairs, status.unseen, status.uncatalogued)
+        lines += [] if status.next_aim is None else [" · ".join(next_aim_parts(status.next_aim))]
+    lines += neighbours_and_missing_words(status.pairs, status.unseen, status.uncatalogued)
     output.say(*lines)
 
 
 def stop(
     config: ConfigOption = None, socket: SocketOption = None, json_: JsonOption = False
 ) -> None:
-    """Stop the telescope now, engine or no engine, and say whether it has stopped.
+    """Stop the telescope now, with or without an engine, and say whether it has stopped.
 
-    ABORT goes out at once; how the mount then moves is measured from the directions that it
+    ABORT is sent at once; the mount's motion is then measured from the directions that it
     reports, which takes some seconds. Exit status: 0 it stands or tracks, 3 it moves on (cut its
     power), 4 not known.
 
-    An engine that does not answer at once is gone past: the configured mount itself is told.
-    With --socket only the engine that listens there is told.
+    Where an engine does not answer at once, the command goes directly to the configured mount.
+    With --socket it goes only to the engine that listens there.
 
     Example: rsoconsole stop
     """
     from rsoconsole.control import ControlClient, Found, Sender, StopNews, Stopping
 
     def directly(on_found: Callable[[Found], None]) -> None:
-        from rsoconsole.instruments import stop_past_engine
+        from rsoconsole.instruments import stop_without_engine
 
-        stop_past_engine(on_found, config_path=config, on_fault=_say_fault)
+        stop_without_engine(on_found, config_path=config, on_fault=_say_fault)
 
     def say(news: StopNews) -> None:
         if not json_:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from rsoconsole.base import ControlError, SessionError
-from rsoconsole.cli.words.batch_options import bars_of
+from rsoconsole.cli.words.batch_options import stderr_progress_bars
 from rsoconsole.config import Config, load_config
 from rsoconsole.control import NOT_KNOWN, Outcome, Status, motion_words
 from rsoconsole.sky import separation_deg
@@ -32,8 +32,7 @@ GRACE_S = 60.0
 BY_WORD_S = 10.0
 """Longest wait for a measured motion, s; after that the driver's own state counts."""
 AT_REST_S = 12.0
-"""Time at rest elsewhere after which a mount goes no further. Some pause for seconds between two
-axes, and are sent again where they stopped short."""
+"""Time at rest elsewhere, s, after which a mount is taken to go no further."""
 REPEATED_S = 45.0
 """Time at rest after which a parking mount goes no further: parking is sent again every 30 s."""
 
@@ -63,11 +62,10 @@ GOALS = {
     ),
     "unpark": Goal(done="released", is_there=lambda status: status.is_parked is False),
 }
-"""Goals of the verbs whose command has a fixed goal."""
 
 
-def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal:
-    """Goal of a slew: the mount's own coordinates are within ``near_arcmin`` of a direction."""
+def arrival_goal(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal:
+    """Return a slew's goal: the mount's own coordinates within ``near_arcmin`` of a direction."""
 
     def is_there(status: Status) -> bool:
         ra, dec = status.mount_ra_icrs_deg, status.mount_dec_icrs_deg
@@ -78,8 +76,8 @@ def arrival(ra_icrs_deg: float, dec_icrs_deg: float, near_arcmin: float) -> Goal
     return Goal(done="arrived", is_there=is_there, others=())
 
 
-def config_of(session: Path | None) -> Config:
-    """The configuration recorded in the engine's session, or the user's where it is unreadable."""
+def session_config(session: Path | None) -> Config:
+    """Return the configuration recorded in a session; the user's own where it cannot be read."""
     from rsoconsole.session import SessionReader
 
     if session is not None:
@@ -90,7 +88,7 @@ def config_of(session: Path | None) -> Config:
     return load_config()
 
 
-class Follower:
+class GoalWait:
     """Polls the engine's status once a second until a goal is reached or cannot be reached."""
 
     def __init__(self, wire: "ControlClient") -> None:
@@ -103,10 +101,10 @@ class Follower:
         self._case: Case = "on its way"
         self._case_since_s = 0.0
 
-    def follow(self, goal: Goal) -> str:
+    def wait_for(self, goal: Goal) -> str:
         """Wait for the goal; return in words how it was reached. Raises ControlError on failure."""
         sent = self._last = self._look()
-        bound_s = config_of(sent.session).mount.slew_timeout_s + GRACE_S
+        bound_s = session_config(sent.session).mount.slew_timeout_s + GRACE_S
         began_s = time.monotonic()
         with _shown() as show:
             while True:
@@ -123,10 +121,10 @@ class Follower:
                 if max(waited_s, time.monotonic() - began_s) > bound_s:
                     raise ControlError(f"not {goal.done} in {bound_s:.0f} s: {_how(status)}")
 
-    def outcome(self, goal: Goal) -> Outcome:
+    def wait_for_outcome(self, goal: Goal) -> Outcome:
         """Wait for the goal; return success or failure as an ``Outcome``."""
         try:
-            return Outcome(ok=True, message=self.follow(goal))
+            return Outcome(ok=True, message=self.wait_for(goal))
         except ControlError as error:
             return Outcome(ok=False, message=str(error))
 
@@ -145,9 +143,9 @@ class Follower:
         return ""
 
     def _look(self) -> Status:
-        from rsoconsole.control import status_of
+        from rsoconsole.control import ask_status
 
-        return status_of(self._wire)
+        return ask_status(self._wire)
 
     def _expect_no_other(self, status: Status, goal: Goal) -> None:
         """Raises ControlError where something else has the mount now."""
@@ -202,6 +200,6 @@ def _shown() -> Iterator[Callable[[str], None]]:
     """Line on the mount's motion meanwhile, on a terminal's stderr; nothing elsewhere."""
     from rich.progress import SpinnerColumn, TextColumn
 
-    with bars_of(SpinnerColumn(), TextColumn("{task.description}")) as line:
+    with stderr_progress_bars(SpinnerColumn(), TextColumn("{task.description}")) as line:
         task = line.add_task("waits for the mount", total=None)
         yield lambda words: line.update(task, description=words)

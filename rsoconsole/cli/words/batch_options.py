@@ -41,8 +41,8 @@ class ProgressBar:
             self._bars.advance(self._task, steps)
 
     @contextlib.contextmanager
-    def aside(self) -> Iterator[None]:
-        """Hide the bar while other lines are printed, which may go to the same terminal."""
+    def hide_while_printing(self) -> Iterator[None]:
+        """Context in which the bar is hidden, so that other lines can go to the same terminal."""
         if self._bars is None:
             yield
             return
@@ -53,8 +53,8 @@ class ProgressBar:
             self._bars.start()
 
 
-def bars_of(*columns: "ProgressColumn") -> "Progress":
-    """Progress bars with these columns on stderr, removed at the end; hidden without a terminal."""
+def stderr_progress_bars(*columns: "ProgressColumn") -> "Progress":
+    """Return progress bars with these columns on stderr; hidden without a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -70,8 +70,8 @@ def bars_of(*columns: "ProgressColumn") -> "Progress":
 
 
 @contextlib.contextmanager
-def progress(words: str, total: int | None = None) -> Iterator[ProgressBar]:
-    """A progress bar labelled ``words``, up to ``total`` steps; None: a plain count of steps."""
+def progress_bar(words: str, total: int | None = None) -> Iterator[ProgressBar]:
+    """Context of a progress bar on stderr, up to ``total`` steps; None: only count the steps."""
     if not sys.stderr.isatty():
         yield ProgressBar()
         return
@@ -88,13 +88,13 @@ def progress(words: str, total: int | None = None) -> Iterator[ProgressBar]:
     columns: tuple[ProgressColumn, ...] = (name, BarColumn(), MofNCompleteColumn(), elapsed)
     if total is None:
         columns = (SpinnerColumn(), name, TextColumn("{task.completed:.0f}"), elapsed)
-    with bars_of(*columns) as bars:
+    with stderr_progress_bars(*columns) as bars:
         yield ProgressBar(bars, bars.add_task(words, total=total))
 
 
 @contextlib.contextmanager
 def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
-    """Progress in bytes of one download or file after another, on stderr if that is a terminal.
+    """Context that shows progress in bytes, file after file, on stderr if it is a terminal.
 
     Yields a function of a name, the bytes done and their total, which may be called from any
     thread.
@@ -102,7 +102,7 @@ def byte_progress() -> Iterator[Callable[[str, int, int], None]]:
     from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 
     name = TextColumn("{task.description:12}")
-    with bars_of(name, BarColumn(), DownloadColumn(), TimeRemainingColumn()) as bars:
+    with stderr_progress_bars(name, BarColumn(), DownloadColumn(), TimeRemainingColumn()) as bars:
         task = bars.add_task("", total=None)
 
         def report(doing: str, done: int, total: int) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.orbits import MIN_MEASUREMENTS, SYSTEMS, Estimate, ShutterTiming
-from rsoconsole.pipeline import FoundSatellite, FoundTiming, Mode
-from rsoconsole.words import count_words, mode_words
+from rsoconsole.pipeline import CalibrationMode, FoundSatellite, FoundTiming
+from rsoconsole.words import camera_mode_words, count_words
 
 _SOURCES = {
     "broadcast": "broadcast ephemerides (2 m)",
@@ -46,7 +46,7 @@ def timing_report(found: FoundTiming, written: Path | None) -> dict[str, Any]:
     }
 
 
-def _mode_report(mode: Mode, timing: ShutterTiming | None) -> dict[str, Any]:
+def _mode_report(mode: CalibrationMode, timing: ShutterTiming | None) -> dict[str, Any]:
     names = ("binning", "width", "height", "x0_px", "y0_px", "gain", "time_by")
     read_out = dict(zip(names, mode.read_out, strict=True))
     known = {"bias_s": None} if timing is None else output.with_unit_keys(timing)
@@ -139,8 +139,8 @@ def cautions(found: FoundTiming) -> Iterator[str]:
 _FEW = 4
 
 
-def _mode(mode: Mode) -> str:
-    return mode_words((mode.exposure_s, *mode.read_out), "other exposures")
+def _mode(mode: CalibrationMode) -> str:
+    return camera_mode_words((mode.exposure_s, *mode.read_out), "other exposures")
 
 
 def _satellites_words(satellites: Sequence[FoundSatellite]) -> str:

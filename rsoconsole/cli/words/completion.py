@@ -16,10 +16,11 @@ from rsoconsole.config import Config, every_setting, load_config
 Completer = Callable[[Any, str], list[Any]]
 
 
-def completer_of(find: Callable[[Any], Iterable[Any]]) -> Completer:
-    """A completer that offers what ``find`` gives for typer's context: words, or (word, help).
+def completer_from(find: Callable[[Any], Iterable[Any]]) -> Completer:
+    """Return a completer for typer that offers what ``find`` returns.
 
-    Errors are dropped and give no completions: a message would disturb the line being typed.
+    ``find`` gets typer's context and returns words or (word, help) pairs. Its errors give no
+    completions: a message would disturb the line being typed.
     """
 
     @functools.wraps(find)
@@ -59,7 +60,7 @@ def sessions(incomplete: str) -> list[str]:
 
 
 def session_names(incomplete: str) -> list[str]:
-    """As ``sessions``, and the sessions of ``session.root`` by name alone."""
+    """Return matching names of sessions in ``session.root``, else what ``sessions`` returns."""
     try:
         names = [each.name for each in _sessions_in(load_config().session.root)]
     except (RsoconsoleError, OSError):
@@ -67,13 +68,11 @@ def session_names(incomplete: str) -> list[str]:
     return [each for each in names if each.startswith(incomplete)] or sessions(incomplete)
 
 
-presets = completer_of(lambda _: choices_of("filter.preset"))
-"""Completer of the filter's presets."""
-map_modes = completer_of(lambda _: choices_of("detector.map_mode"))
-"""Completer of the detector's map modes."""
+presets = completer_from(lambda _: setting_choices("filter.preset"))
+map_modes = completer_from(lambda _: setting_choices("detector.map_mode"))
 
 
-@completer_of
+@completer_from
 def scenarios(_: Any) -> Iterable[tuple[str, str]]:
     """Scenarios of the demo, each with its title."""
     from rsoconsole.simulator import all_scenarios
@@ -81,13 +80,13 @@ def scenarios(_: Any) -> Iterable[tuple[str, str]]:
     return [(each.name, each.title) for each in all_scenarios().values()]
 
 
-@completer_of
+@completer_from
 def setting_names(_: Any) -> Iterable[tuple[str, str]]:
     """Names of all settings, each with its description."""
     return [(name, description) for name, _, description in every_setting(Config())]
 
 
-@completer_of
+@completer_from
 def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
     """Settings that can be changed while the engine runs, each with its description."""
     from rsoconsole.engine import TUNABLE
@@ -95,13 +94,13 @@ def tunable_names(_: Any) -> Iterable[tuple[str, str]]:
     return [(name, words) for name, _, words in every_setting(Config()) if name in TUNABLE]
 
 
-@completer_of
+@completer_from
 def setting_values(ctx: Any) -> Iterable[str]:
     """Values of the setting that the preceding word of the command line names."""
-    return choices_of(str(ctx.params.get("name") or ""))
+    return setting_choices(str(ctx.params.get("name") or ""))
 
 
-@completer_of
+@completer_from
 def checks(_: Any) -> Iterable[str]:
     """Names of the checks that the engine makes before arming."""
     from rsoconsole.engine import CHECKS
@@ -109,7 +108,7 @@ def checks(_: Any) -> Iterable[str]:
     return CHECKS
 
 
-@completer_of
+@completer_from
 def branches(ctx: Any) -> Iterable[str]:
     """Branches of the sessions that the command line names so far."""
     found: list[str] = []
@@ -118,8 +117,8 @@ def branches(ctx: Any) -> Iterable[str]:
     return found
 
 
-def choices_of(name: str) -> tuple[str, ...]:
-    """Allowed words of a setting, by dotted name; empty where its values are no fixed words."""
+def setting_choices(name: str) -> tuple[str, ...]:
+    """Return a setting's allowed words, by dotted name; empty where it has no fixed choice."""
     section, _, key = name.partition(".")
     home = Config.model_fields.get(section)
     if home is None or not isinstance(home.annotation, type):

@@ -9,8 +9,8 @@ from typing import Any
 from rsoconsole.cli.words import output
 from rsoconsole.config import CatalogueConfig
 from rsoconsole.night import rms
-from rsoconsole.orbits import ElementRow, FittedFactors
-from rsoconsole.words import angle, count_words, joined
+from rsoconsole.orbits import ElementErrorRow, FittedFactors
+from rsoconsole.words import angle, count_words, join_words
 
 AGES_DAYS = (0.0, 1.0, 3.0, 7.0, 14.0, 30.0, 60.0, math.inf)
 KINDS = {
@@ -22,13 +22,13 @@ KINDS = {
 _WIDTH = 78
 
 
-def source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> Iterator[str]:
-    """Lines that say whether the errors of elements are assumed or measured, for these regimes."""
+def error_source_lines(errors: Sequence[dict[str, Any]], regimes: Collection[str]) -> Iterator[str]:
+    """Yield lines on whether each regime's errors of elements are assumed or measured."""
     asked = [each for each in errors if each["regime"] in regimes]
     words = [_measured(each) for each in asked if each["source"] == "measured"]
     assumed = [KINDS[each["regime"]] for each in asked if each["source"] == "assumed"]
     if assumed:
-        words.append(f"errors of {joined(assumed)} as the literature has them, not measured")
+        words.append(f"errors of {join_words(assumed)} as the literature has them, not measured")
     yield from textwrap.wrap("; ".join(words), _WIDTH, initial_indent="  ", subsequent_indent="  ")
 
 
@@ -40,7 +40,7 @@ def _measured(each: dict[str, Any]) -> str:
 
 
 def regime_report(
-    fitted: FittedFactors, rows: Sequence[ElementRow], catalogue: CatalogueConfig
+    fitted: FittedFactors, rows: Sequence[ElementErrorRow], catalogue: CatalogueConfig
 ) -> dict[str, Any]:
     """Report on one regime: its fitted factors, the factors in use, and errors by element age.
 
@@ -60,7 +60,7 @@ def regime_report(
     }
 
 
-def _age_report(low: float, high: float, rows: Sequence[ElementRow]) -> dict[str, Any]:
+def _age_report(low: float, high: float, rows: Sequence[ElementErrorRow]) -> dict[str, Any]:
     return {
         "from_days": low,
         "to_days": high if math.isfinite(high) else None,

@@ -39,9 +39,9 @@ def frame_lines(found: dict[str, Any]) -> Iterator[str]:
 
 
 def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
-    """Lines on points that move through the frames.
+    """Yield lines on points that move from frame to frame.
 
-    ``fewest``: least number of frames with which such points are searched.
+    ``fewest``: least number of frames in which such points are searched for.
     """
     count = len(report["frames"])
     if count < fewest:
@@ -118,7 +118,7 @@ def _called(one: dict[str, Any]) -> str:
     return catalogued_name(one["name"][:_NAME_WIDTH], one["norad_id"])
 
 
-def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
+def track_identification_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
     """One line per track in order of time, followed by its candidates where there are several."""
     for each in tracks:
         arc = f"{each['directions']} in {duration_words(each['arc_s'], 'line')}"
@@ -139,7 +139,7 @@ def named_tracks_lines(tracks: Sequence[dict[str, Any]]) -> Iterator[str]:
             yield f"  {probability_words(each['not_catalogued']):>5}  not in catalogue"
 
 
-def past_tracks_lines(report: dict[str, Any]) -> Iterator[str]:
+def ledger_match_lines(report: dict[str, Any]) -> Iterator[str]:
     """Lines on the ledger entries that match tracks, and on tracks put into the ledger now."""
     for each in report["tracks"]:
         if each["ledger"] is not None and len(report["tracks"]) == 1:

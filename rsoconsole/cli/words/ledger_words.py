@@ -5,24 +5,24 @@ from pathlib import Path
 
 from rsoconsole.cli.words import output
 from rsoconsole.session import LedgerObject
-from rsoconsole.words import clock, direction, plus_minus
+from rsoconsole.words import direction, plus_minus, utc_text
 
 HEADER = f"{'':>4}  {'name':20} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}  {'i, deg':>6}"
 _NAME_WIDTH = 20
 
 
-def object_line(known: LedgerObject) -> str:
+def object_list_line(known: LedgerObject) -> str:
     """Line of one uncatalogued object in the list."""
     orbit = known.last.orbit
     size = "no orbit" if orbit is None else plus_minus(orbit.a_km, orbit.sigma_a_km)
     tilt = "" if orbit is None else f"{orbit.i_deg:.2f}"
     return (
         f"{known.number:>4}  {known.called[:_NAME_WIDTH]:20} {len(known.tracks):>6} "
-        f" {clock(known.last.t_last_utc_ns, 'dated minute', '')}  {size:>16}  {tilt:>6}"
+        f" {utc_text(known.last.t_last_utc_ns, 'dated minute', '')}  {size:>16}  {tilt:>6}"
     ).rstrip()
 
 
-def object_lines(known: LedgerObject) -> Iterator[str]:
+def object_detail_lines(known: LedgerObject) -> Iterator[str]:
     """Lines on all that is known of one uncatalogued object."""
     yield f"UCT {known.number}" + (f": {known.name}" if known.name else "")
     last = known.last
@@ -43,14 +43,14 @@ def object_lines(known: LedgerObject) -> Iterator[str]:
     yield "  tracks:"
     for each in known.tracks:
         yield (
-            f"    {clock(each.t_first_utc_ns, 'dated minute', '')}"
-            f" to {clock(each.t_last_utc_ns, 'minute', '')}"
+            f"    {utc_text(each.t_first_utc_ns, 'dated minute', '')}"
+            f" to {utc_text(each.t_last_utc_ns, 'minute', '')}"
             f"  {each.observations:4d} directions  {each.session}, track {each.track_id}"
         )
 
 
-def say_moved_aside(aside: Path | None) -> None:
-    """Report where a damaged ledger was moved to; nothing for None."""
+def report_moved_ledger(aside: Path | None) -> None:
+    """Report on stderr where a damaged ledger was moved to; do nothing for None."""
     if aside is not None:
         output.print_to_stderr(
             f"rsoconsole: the ledger was damaged: it is in {aside} as it was, and goes on with the"

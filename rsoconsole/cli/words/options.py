@@ -65,8 +65,8 @@ OverrideOption = Annotated[
 ]
 
 
-def site_of(text: str) -> Site:
-    """A site written LAT,LON,ELEV: degrees north, degrees east, metres (0 where left out).
+def parse_site(text: str) -> Site:
+    """Parse a site written LAT,LON,ELEV: degrees north, degrees east, metres (default 0).
 
     Raises ConfigError for anything else.
     """
@@ -89,7 +89,7 @@ def site_of(text: str) -> Site:
 
 
 def number_or_text(value: str) -> float | str:
-    """A finite number where the text is one, else the text itself."""
+    """Return the number that ``value`` is, if it is a finite one; else the text itself."""
     try:
         number = float(value)
     except ValueError:
@@ -104,7 +104,7 @@ if TYPE_CHECKING:
 _OPTION = "--tle FILE"
 
 
-def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
+def read_element_sets(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
     """Element sets of these files; raises OrbitError with the remedy where ``files`` is empty."""
     from rsoconsole.pipeline import NO_ELEMENTS, read_catalogue
 
@@ -113,16 +113,15 @@ def catalogue_of(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
     return read_catalogue(files)
 
 
-def element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
-    """Element files with which to identify a session's tracks.
+def session_element_files(path: Path, configured: Sequence[Path]) -> list[Path]:
+    """Return the element files with which to identify the tracks of the session ``path``.
 
-    The configured ones; for a simulated night, or where none is configured, those with which the
-    session was recorded. ``path``: the session. Raises OrbitError with the remedy where there are
-    none.
+    They are the configured ones; for a simulated night, or where none is configured, those with
+    which the session was recorded. Raises OrbitError with the remedy where there are none.
     """
-    from rsoconsole.pipeline import elements_used
+    from rsoconsole.pipeline import choose_element_files
 
-    used = elements_used(path, configured, _OPTION)
+    used = choose_element_files(path, configured, _OPTION)
     if used.is_recorded:
         named = ", ".join(map(str, used.files))
         output.print_to_stderr(

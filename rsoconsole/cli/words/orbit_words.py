@@ -12,7 +12,7 @@ import typer
 from rsoconsole.base import OrbitError
 from rsoconsole.cli.words import output
 from rsoconsole.library import write_file
-from rsoconsole.orbits import omm
+from rsoconsole.orbits import omm_message
 from rsoconsole.pipeline import FittedElements
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import (
@@ -20,9 +20,9 @@ from rsoconsole.words import (
     direction,
     duration_words,
     eclipse_words,
+    rounded_to_sigma,
     set_or_rise_words,
     signed_angle,
-    with_sigma,
 )
 
 _ELEMENT_WORDS = (
@@ -39,7 +39,7 @@ _NAME_WIDTH = 28
 
 
 def orbit_lines(names: Sequence[str], report: dict[str, Any]) -> list[str]:
-    """The report of ``rsoconsole orbit`` as lines for people; ``names``: of the inputs."""
+    """Return ``rsoconsole orbit``'s report as lines for people; ``names``: the inputs' names."""
     lines = [f"{', '.join(names)}: {report['label']}", *_wrapped(report["reason"])]
     lines.extend(_wrapped(_data_words(report)))
     lines.extend(_part_lines(report["parts"]))
@@ -115,7 +115,7 @@ def _element_lines(report: dict[str, Any]) -> Iterator[str]:
     yield f"  {'frame':18} {report['frame']}, osculating"
     for key, name, unit in _ELEMENT_WORDS:
         sigma = report["sigma_a_km"] if key == "a_km" else report["sigmas"][key]
-        value, spread = with_sigma(report[key], sigma, digits=2)
+        value, spread = rounded_to_sigma(report[key], sigma, digits=2)
         spread = f"± {spread or '?'}"
         yield f"  {name:18} {value:>14} {spread:>14} {unit}".rstrip()
     if report["period_s"] is not None and math.isfinite(report["period_s"]):
@@ -185,7 +185,7 @@ _BY_ENDING: dict[str, Form] = {
 }
 
 
-def form_of(path: Path) -> Form:
+def elements_form(path: Path) -> Form:
     """Form of elements (TLE or a kind of OMM) by the file's ending; BadParameter if unknown."""
     if str(path) == "-":
         return "tle"
@@ -210,7 +210,7 @@ def write_elements(elements: FittedElements, path: Path, form: Form, *, force: b
             raise OrbitError(elements.reason)
         text = "\n".join((elements.mean.name, *elements.tle)) + "\n"
     else:
-        text = omm(elements.mean, created_utc_ns=time.time_ns(), form=form)
+        text = omm_message(elements.mean, created_utc_ns=time.time_ns(), form=form)
     if str(path) == "-":
         output.emit_text(text if text.endswith("\n") else f"{text}\n")
         return ""

@@ -1,7 +1,8 @@
-"""JSON objects on stdout, words for people elsewhere. JSON.md beside this file has their keys.
+"""Printing: JSON objects or words for people on stdout, reports on stderr.
 
 All that the verbs print passes through this module: text from sessions, INDI servers, headers,
-element files and file names is cleaned, so that it cannot reach the terminal as a control sequence.
+element files and file names is cleaned, so that it cannot reach the terminal as a control
+sequence. JSON.md beside this file describes the keys of the JSON.
 """
 
 import json
@@ -16,7 +17,7 @@ from typing import Any, TypeVar
 
 import typer
 
-from rsoconsole.control import SCHEMA, one_line, printable
+from rsoconsole.control import SCHEMA, one_line, to_printable
 from rsoconsole.words import utc_ns_to_iso
 
 Answer = TypeVar("Answer")
@@ -45,18 +46,18 @@ WITH_UNITS: Mapping[str, str] = MappingProxyType(
 
 
 def emit_json(found: Any, **more: Any) -> None:
-    """Print a record or a mapping as one JSON object in one line; NaN and infinity become null.
+    """Print a record or mapping as a JSON object in one line; NaN and infinity become null.
 
-    Added are the schema's number, keys with units beside the older ones, and ``more``.
+    The schema's number, keys that name their units, and ``more`` are added.
     """
     whole = {"schema": SCHEMA, **with_unit_keys(found), **with_unit_keys(more)}
     typer.echo(json.dumps(_finite(whole), allow_nan=False))
 
 
-def answer(
+def print_answer(
     json_: bool, found: Answer, lines: Callable[[Answer], str | Iterable[str]], **more: Any
 ) -> None:
-    """Print a verb's answer: as JSON, or as the lines for people that ``lines`` makes of it.
+    """Print a verb's answer: as JSON, or as the lines for people that ``lines`` returns.
 
     ``more``: further keys of the JSON.
     """
@@ -88,9 +89,9 @@ def exit_if(failed: int, words: str = "") -> None:
 
 
 def report_fault(json_: bool, words: str, **of: Any) -> None:
-    """Report why one of several inputs failed: on stderr, and with ``json_`` as an object too.
+    """Report why an input failed: on stderr, and with ``json_`` as JSON on stdout too.
 
-    ``of``: keys of the object that name the input.
+    ``of``: keys and values that name the input in the JSON.
     """
     if json_:
         emit_json({**of, "error": words})
@@ -98,14 +99,15 @@ def report_fault(json_: bool, words: str, **of: Any) -> None:
 
 
 def emit_text(text: str) -> None:
-    """Print a document on stdout, unchanged where stdout is a file or a pipe."""
-    typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
+    """Print a document on stdout: unchanged to a file or a pipe, cleaned for a terminal."""
+    typer.echo(to_printable(text) if sys.stdout.isatty() else text, nl=False)
 
 
 def with_unit_keys(value: Any) -> Any:
-    """Records as mappings, at every depth, with the keys of ``WITH_UNITS`` added.
+    """Convert records to mappings, at every depth, and add the keys of ``WITH_UNITS``.
 
-    A record's keys are its fields and properties; an instant is added as text, ``NAME_utc``.
+    A record's keys are its fields and properties; a time ``NAME_utc_ns`` gets a text ``NAME_utc``
+    too.
     """
     if isinstance(value, list | tuple):
         return [with_unit_keys(item) for item in value]

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.cli.words import output
 from rsoconsole.control import SCHEMA
-from rsoconsole.words import clock, count_words, duration_words, file_size
+from rsoconsole.words import count_words, duration_words, file_size, utc_text
 
 if TYPE_CHECKING:
     from rsoconsole.session import (
-        Archive,
+        ArchiveResult,
         Finding,
         PruningStep,
-        Repair,
+        RepairResult,
         SessionSummary,
         Verification,
     )
@@ -24,10 +24,10 @@ MAX_ALIKE = 3
 """Largest number of findings of one sort that are listed singly; --json lists all."""
 
 
-def schemas(of_session: Any) -> dict[str, Any]:
-    """Keys for the session's schema and the JSON's, since ``schema`` alone is ambiguous.
+def schema_keys(of_session: Any) -> dict[str, Any]:
+    """Return the schema numbers of a session and of the JSON under keys of their own.
 
-    In the JSON of sessions the key ``schema`` is the session's.
+    The key ``schema`` alone is ambiguous: in the JSON of sessions it is the session's.
     """
     return {"session_schema": of_session, "json_schema": SCHEMA}
 
@@ -41,7 +41,7 @@ def summary_words(each: "SessionSummary") -> str:
     if each.fault is not None:
         size = file_size(each.size_bytes)
         return f"{'-':16} {'-':>8} {'-':>7} {'-':>9} {size:>10}  {each.state}  {name}: {each.fault}"
-    begin = clock(each.t_first_utc_ns, "dated minute", "") if each.t_first_utc_ns else "-"
+    begin = utc_text(each.t_first_utc_ns, "dated minute", "") if each.t_first_utc_ns else "-"
     share = "-" if each.followed_share is None else f"{100 * each.followed_share:.0f} %"
     rescue = "" if each.rescues is None else f", rescue of {each.rescues}"
     marks = (
@@ -57,7 +57,7 @@ def summary_words(each: "SessionSummary") -> str:
 
 
 def verification_lines(found: "Verification") -> Iterator[str]:
-    """Lines on the findings of a verification; of each sort the first ``MAX_ALIKE``."""
+    """Yield lines on the findings of a verification, at most ``MAX_ALIKE`` of each sort."""
     digest = {"confirmed": "digest confirmed", "differs": "DIGEST DIFFERS", "none": "no digest"}
     state = "sound" if found.is_sound else "DAMAGED"
     yield (
@@ -80,7 +80,7 @@ def _finding_words(each: "Finding") -> str:
     return f"  {each.severity:8} {each.place}: {each.what}{remedy}"
 
 
-def repair_lines(done: "Repair") -> Iterator[str]:
+def repair_lines(done: "RepairResult") -> Iterator[str]:
     """Lines on the repair of a session."""
     saved = done.recovered
     if saved is not None:
@@ -104,7 +104,7 @@ def repair_lines(done: "Repair") -> Iterator[str]:
     yield from _rescue_lines(done)
 
 
-def _rescue_lines(done: "Repair") -> Iterator[str]:
+def _rescue_lines(done: "RepairResult") -> Iterator[str]:
     for each in done.merged:
         yield (
             f"  merged   {each.rescue}: {each.records} records and {each.files} rows of files are"
@@ -114,7 +114,7 @@ def _rescue_lines(done: "Repair") -> Iterator[str]:
         yield f"  kept     {path}, a rescue session, is not merged: {why}"
 
 
-def archive_words(made: "Archive") -> str:
+def archive_words(made: "ArchiveResult") -> str:
     """One line on an archive: its path, files and size."""
     gone = "; the original is removed" if made.is_removed else ""
     size = file_size(made.bytes)
@@ -127,8 +127,10 @@ def pruning_step_words(step: "PruningStep") -> str:
     return f"{deed}  {step.session.name:36} {step.why}"
 
 
-def say_plan(steps: "tuple[PruningStep, ...]", folder: Path, what: str, is_done: bool) -> None:
-    """Print the total of a pruning plan, or of what was done.
+def print_pruning_total(
+    steps: "tuple[PruningStep, ...]", folder: Path, what: str, is_done: bool
+) -> None:
+    """Print the total of a pruning plan, or, with ``is_done``, of what was pruned.
 
     ``what``: frames, previews or all.
     """

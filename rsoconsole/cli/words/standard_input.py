@@ -1,4 +1,4 @@
-"""Input files named in a list, and an input file on standard input.
+"""Names of input files: as arguments, in a list, or ``-`` for standard input.
 
 ``-`` is a file's content on standard input, as for cat and wc; ``--files-from`` reads a list of
 names, as for tar and rsync.
@@ -44,8 +44,8 @@ class InputFiles:
         """Name of a path for people: as the user gave it."""
         return DASH if path == self._place else str(path)
 
-    def words(self, text: str) -> str:
-        """The text with the temporary file's path replaced by a name for standard input."""
+    def name_standard_input(self, text: str) -> str:
+        """Return ``text`` with the temporary file's path replaced by a name for standard input."""
         return text if self._place is None else text.replace(str(self._place), STDIN)
 
 
@@ -78,7 +78,7 @@ def open_input_files(paths: Sequence[Path]) -> Iterator[InputFiles]:
         try:
             yield files
         except RsoconsoleError as error:
-            error.args = (files.words(str(error)),)
+            error.args = (files.name_standard_input(str(error)),)
             raise
     finally:
         shutil.rmtree(folder, ignore_errors=True)

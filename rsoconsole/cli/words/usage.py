@@ -10,9 +10,9 @@ from typing import Any
 
 import typer
 
-from rsoconsole.base import nearest, plain_fault
+from rsoconsole.base import nearest_name, plain_fault
 from rsoconsole.cli.words import output
-from rsoconsole.config import APP, active_variables, default_config_path
+from rsoconsole.config import APP, default_config_path, overriding_variables
 
 USAGE_EXIT = 2
 # Some versions of typer carry a click of their own: its classes are found through typer's.
@@ -36,7 +36,7 @@ def unwrap_help_texts(app: typer.Typer) -> None:
 
 
 def unwrapped_paragraphs(text: str) -> str:
-    """The text with each paragraph joined to one line, except at lines that match ``OWN_LINE``.
+    """Return the text with each paragraph in one line, but breaks before ``OWN_LINE`` kept.
 
     Square brackets, which are markup to typer, are escaped.
     """
@@ -83,13 +83,13 @@ def write_to_config(
 
     path = config or default_config_path()
     write_settings(path, settings, is_secret=is_secret)
-    for each in active_variables(settings, os.environ):
+    for each in overriding_variables(settings, os.environ):
         output.print_to_stderr(f"{APP}: {each} is set and counts more than the file: unset it")
     return path
 
 
-def help_of(error: Any) -> str | None:
-    """Help text to print where a command was called without arguments; None for any other error.
+def no_arguments_help(error: Any) -> str | None:
+    """Return the help to print for a verb called without arguments; None for other errors.
 
     Empty where typer has printed the help itself.
     """
@@ -101,6 +101,6 @@ def _near_option(words: str, error: Any) -> str:
     if type(error).__name__ != "NoSuchOption" or error.ctx is None:
         return words
     options = [each for one in error.ctx.command.params for each in one.opts if each[:2] == "--"]
-    near = nearest(error.option_name, options)
+    near = nearest_name(error.option_name, options)
     plain = f"no such option: {error.option_name}"
     return f"{plain}: did you mean {near}?" if near else plain

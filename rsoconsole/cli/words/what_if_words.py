@@ -8,12 +8,12 @@ from rsoconsole.words import count_words, number
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures, merit
-    from rsoconsole.pipeline import Proposal, Soundness, WhatIf, WhatIfFigures
+    from rsoconsole.pipeline import FilterConsistency, Proposal, WhatIf, WhatIfFigures
 
 LABEL, COLUMN = 22, 20
 
 
-def answer_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
+def what_if_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
     """Lines on a session's what-if, at most 80 columns wide except for long names."""
     assert answer.recorded is not None
     assert answer.what_if is not None
@@ -31,7 +31,7 @@ def answer_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
             "  the recorded settings do not give the recorded track: another version"
             " recorded it, or the session was cut off"
         )
-    yield from figures_lines(answer.recorded, answer.what_if)
+    yield from compared_figures_lines(answer.recorded, answer.what_if)
     carried = answer.recorded.carried_by_orbit
     if carried and answer.changes:
         yield (
@@ -42,8 +42,8 @@ def answer_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
         yield f"  kept as {answer.branch}"
 
 
-def figures_lines(then: "TrackFigures", now: "TrackFigures") -> Iterator[str]:
-    """Recorded and what-if figures side by side, with a mark where one is better."""
+def compared_figures_lines(then: "TrackFigures", now: "TrackFigures") -> Iterator[str]:
+    """Yield lines of recorded and what-if figures, the latter marked better or worse."""
     yield f"  {'':{LABEL}}{'recorded':>{COLUMN}}{'what if':>{COLUMN}}"
     for (label, words), worth in _rows():
         mark = _mark(None if worth is None else (worth(then), worth(now)))
@@ -156,7 +156,7 @@ def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterato
     for effect in effects:
         yield ""
         yield f"  {effect.session} with what is proposed:"
-        yield from figures_lines(effect.recorded, effect.what_if)
+        yield from compared_figures_lines(effect.recorded, effect.what_if)
     yield ""
     yield "  to use it, in the configuration:"
     yield "    [filter]"
@@ -164,7 +164,9 @@ def proposal_lines(proposal: "Proposal", effects: "Sequence[WhatIf]") -> Iterato
         yield f"    {name.removeprefix('filter.')} = {value:g}"
 
 
-def _evidence(proposal: "Proposal", before: "Soundness", after: "Soundness") -> Iterator[str]:
+def _evidence(
+    proposal: "Proposal", before: "FilterConsistency", after: "FilterConsistency"
+) -> Iterator[str]:
     low, high = before.nis_band
     bound = proposal.autocorrelation_bound or 0.0
     yield f"  {'the same innovations':34}{'recorded':>11}{'proposed':>11}"

@@ -1,4 +1,4 @@
-"""The engine's answers to this console's commands, and refusals that the record shows later."""
+"""The engine's answers to this console's commands, and refusals that are recorded later."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,10 +9,10 @@ from rsoconsole.console.dialogs.dialogs import ArmDialog, ConfirmDialog, Message
 from rsoconsole.control import (
     ON_RECORD,
     Arm,
-    AskSeat,
     Command,
     MarkByHand,
     Outcome,
+    RequestControl,
     Sender,
     Shutdown,
     command_words,
@@ -21,7 +21,7 @@ from rsoconsole.night import LogLine, NightView
 
 
 class CommandOutcomes(MarkActions):
-    """Reports what became of this console's commands: the engine's answer, then the record."""
+    """Reports results of this console's commands: the engine's answer, later refusals."""
 
     tune: TuneActions
     _ticked: tuple[str, ...] = ()
@@ -35,9 +35,9 @@ class CommandOutcomes(MarkActions):
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """Report a success, or open a dialog for a refusal; neither where STOP was given meanwhile.
+        """Report a success, or open a dialog for a refusal; neither if STOP was given since.
 
-        Arguments as in ``Seat.handle_outcome``.
+        Arguments as in the base class.
         """
         self.ask_now()
         if outcome.data.get(ON_RECORD):
@@ -88,7 +88,7 @@ class CommandOutcomes(MarkActions):
         if not any(self._refused_here(line) == words for line in self.log_lines_after(seq)):
             self._refused_at_once.append(words)
 
-    def refused_since(self, before: NightView) -> frozenset[str]:
+    def refused_verbs_since(self, before: NightView) -> frozenset[str]:
         """Return the verbs of this console's commands that the record shows as refused.
 
         ``before``: an earlier view of the night; refusals recorded since then count.
@@ -117,7 +117,7 @@ class CommandOutcomes(MarkActions):
     def _ask_for_seat(self, holder: str) -> None:
         def decided(is_wanted: bool | None) -> None:
             if is_wanted:
-                self.send(AskSeat())
+                self.send(RequestControl())
 
         text = f"{holder} has control. Who is asked and says nothing for 30 s gives it up."
         self.open_unrequested_dialog(

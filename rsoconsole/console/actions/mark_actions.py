@@ -1,13 +1,13 @@
-"""Marks by hand: the two ends of a streak that the detector missed, or measured badly."""
+"""Marks by hand: the operator sets both ends of a streak missed or badly measured."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.night.engine_view import EngineView
-from rsoconsole.console.picture.marking import Marking
+from rsoconsole.console.picture.marking import UnfinishedMark
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.watches.messages import Pointed, call_between_messages
@@ -26,12 +26,12 @@ RECALLED_S = 600.0
 """Seconds after a mark during which the key ``v`` can list the marked frame's streaks too."""
 
 
-class MarkActions(Seat):
+class MarkActions(OperatorScreen):
     """Makes a mark by keys or mouse, and shows the engine's answer to the last mark."""
 
     newer_picture: Picture | None = None
     """The newest picture, held back while a mark is made in an older one; else None."""
-    marking: Marking | None = None
+    marking: UnfinishedMark | None = None
     """The unfinished mark; None while no mark is being made."""
     _marked: tuple[int | None, float] = (None, 0.0)
     """Frame of the last mark that the engine accepted, and its time in monotonic seconds."""
@@ -43,7 +43,7 @@ class MarkActions(Seat):
         if self.marking is not None:
             self.cancel_mark()
             return
-        if not self.may_act():
+        if not self.check_can_act():
             return
         drawing = self.drawing
         if self.picture is None or drawing is None:
@@ -55,7 +55,7 @@ class MarkActions(Seat):
         if why_not:
             self.say(why_not, "warn", REFUSAL_S)
             return
-        self.marking = Marking.begin(self.picture.frame_id, drawing)
+        self.marking = UnfinishedMark.begin(self.picture.frame_id, drawing)
         self._show_mark()
         self.begin_mark(frame_id, self._refuse_mark)
 
@@ -78,11 +78,11 @@ class MarkActions(Seat):
     def cancel_mark(self) -> None:
         """Cancel the unfinished mark; no mark is sent."""
         if self.marking is not None:
-            self.leave_mark(self.marking.frame_id)
+            self.release_marked_frame(self.marking.frame_id)
         self._end_mark()
         self.say("")
 
-    def drop_mark(self) -> None:
+    def drop_mark_on_new_session(self) -> None:
         """Cancel the unfinished mark because another session is shown now."""
         if self.marking is not None:
             self.say("the mark is left off: another session began", "warn")
@@ -103,7 +103,7 @@ class MarkActions(Seat):
             self.newer_picture = picture
 
     def handle_view_change(self) -> None:
-        """Fit the unfinished mark to the picture's new view: its scale and its bounds."""
+        """Fit the unfinished mark's scale and bounds to the picture's new view."""
         drawing = self.drawing
         if self.marking is not None and drawing is not None:
             self.marking.look(drawing)
@@ -131,7 +131,7 @@ class MarkActions(Seat):
         """
         assert self.marking is not None
         self.marking.cursor_px = (message.x_px, message.y_px)
-        if (message.is_release and self.marking.is_drag()) or not message.is_release:
+        if (message.is_release and self.marking.is_dragged()) or not message.is_release:
             self._set_mark_end(message.px_per_square)
 
     def _set_mark_end(self, px_per_square: float | None = None) -> None:
@@ -179,7 +179,7 @@ class MarkActions(Seat):
                 self.send(replace(mark, replaces=True))
             else:
                 self.say(f"your mark in frame {mark.frame_id} is not used", "title", MARK_SAID_S)
-                self.leave_mark(mark.frame_id)
+                self.release_marked_frame(mark.frame_id)
 
         self.say("the mark waits for your word", "warn")
         own, better = (
@@ -196,8 +196,8 @@ class MarkActions(Seat):
             decided,
         )
 
-    def leave_mark(self, frame_id: int | None) -> None:
-        """Ask the engine to release the frame that it keeps for a mark; None: no frame is kept."""
+    def release_marked_frame(self, frame_id: int | None) -> None:
+        """Ask the engine to release the frame that it keeps for a mark; do nothing for None."""
         if frame_id is not None and self.can_act:
             self.orders.send(BeginMark(frame_id=frame_id, is_on=False), lambda _outcome: None)
 
@@ -211,8 +211,8 @@ class MarkActions(Seat):
     def recent_mark(self) -> tuple[int | None, bool]:
         """Return the frame marked last, and whether its streaks are to be listed first.
 
-        The frame is None where nothing was marked within ``RECALLED_S``. Its streaks come first at
-        the first call alone, within ``DETAILS_S`` of the mark.
+        The frame is None where none was marked within ``RECALLED_S``. The second value is True
+        only at the first call, within ``DETAILS_S`` of the mark.
         """
         (frame_id, at_s), is_first = self._marked, self._has_unread_details
         since_s, self._has_unread_details = self.now_s() - at_s, False
@@ -231,7 +231,7 @@ class MarkActions(Seat):
 
 
 def no_mark_reason(frame_id: int, detail: NightFrame) -> str:
-    """Return why a frame takes no mark: it is not solved, or not yet; empty: it takes one."""
+    """Return why a frame cannot be marked: not solved, or not solved yet; empty if it can be."""
     if isinstance(detail.solution, NotSolved):
         reason = detail.solution.reason
         return f"no mark in frame {frame_id}: it was not solved ({reason}), so it has no place"
@@ -241,7 +241,7 @@ def no_mark_reason(frame_id: int, detail: NightFrame) -> str:
 
 
 def late_mark_reason(engine: EngineView, frame_id: int) -> str:
-    """Return why a frame is too old to be marked; empty: it can be marked, or that is not known."""
+    """Return why a frame is too old to be marked; empty if it is not, or if that is not known."""
     frames = engine.markable_frames
     if not engine.is_attached or frames is None or frame_id in frames:
         return ""

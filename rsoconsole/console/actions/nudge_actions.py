@@ -2,8 +2,8 @@
 
 from functools import partialmethod
 
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.second_press import TwicePressed
+from rsoconsole.console.actions.seat import OperatorScreen
+from rsoconsole.console.actions.second_press import TwoPressKeys
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.control import Nudge
 from rsoconsole.records import Solution
@@ -17,10 +17,10 @@ def nudge_step_words(arcsec: float) -> str:
     return f"{arcsec / 60:g}′" if arcsec >= 60 else f"{arcsec:g}″"
 
 
-class NudgeActions(Seat):
+class NudgeActions(OperatorScreen):
     """Moves the telescope by the arrow keys, one nudge at a time, by a step that can be changed."""
 
-    twice: TwicePressed
+    twice: TwoPressKeys
     is_nudging = False
     """True while a nudge is under way; arrows pressed meanwhile are dropped."""
     _nudge_step = FIRST_STEP
@@ -31,12 +31,12 @@ class NudgeActions(Seat):
         Arrows are often pressed to scroll: under autonomy they take control on a second press only.
         """
         # A key that is held down repeats: one nudge at a time, none on its way after a STOP.
-        if self.is_nudging or not self.may_act():
+        if self.is_nudging or not self.check_can_act():
             return
         if self.engine.holder == "autonomy":
             back = first_key("hold_or_resume", self.keymap)
             what = f"takes the mount from AUTO ({back} gives it back)"
-            self.twice.ask(name, what, lambda: self._send_nudge(right, down))
+            self.twice.handle_press(name, what, lambda: self._send_nudge(right, down))
         else:
             self._send_nudge(right, down)
 

@@ -2,16 +2,16 @@
 
 import math
 
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
-from rsoconsole.console.picture.picture import STRETCHES, DrawnPicture, Picture, fitted_cells
+from rsoconsole.console.picture.picture import STRETCHES, DrawnPicture, Picture, cells_for_aspect
 from rsoconsole.console.words import words
 
 SEEN_COLUMNS = 3.0
 """Length in columns of the terminal below which a streak looks like a star in the field."""
 
 
-class PictureActions(Seat):
+class PictureActions(OperatorScreen):
     """Draws a frame in the two picture panes, with the chosen view and stretch."""
 
     _sight: int | None = None
@@ -45,12 +45,12 @@ class PictureActions(Seat):
         if picture is None or picture.closeup is None or has_both:
             return False
         detail = picture.detail
-        if detail.followed is None and detail.predicted is None:
+        if detail.accepted_measurement is None and detail.predicted is None:
             return False
         streak = next((mark for mark in picture.marks if mark.kind == "followed"), None)
         if streak is None or streak.ends_px is None or detail.detections is None:
             return True
-        columns, _ = fitted_cells(picture.aspect, pane.size.width, max(pane.size.height - 2, 1))
+        columns, _ = cells_for_aspect(picture.aspect, pane.size.width, max(pane.size.height - 2, 1))
         return math.dist(*streak.ends_px) / detail.detections.width_px * columns < SEEN_COLUMNS
 
     def picture_words(

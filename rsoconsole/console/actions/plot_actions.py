@@ -1,22 +1,22 @@
-"""The plots of a track, the window of frames that they show, and the pages that lie over them."""
+"""The plots of a track, the frames that they show, and the pages shown in their place."""
 
 from dataclasses import replace
 from functools import partial, partialmethod
 from typing import ClassVar
 
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.drawing.pane_layout import Box
 from rsoconsole.console.drawing.plot import AXIS_COLUMNS
 from rsoconsole.console.panes.panes import Build
 from rsoconsole.console.words import panels
-from rsoconsole.console.words.curves import Page, alignment_lines, focus_lines, quality_lines
-from rsoconsole.console.words.panels import LIVE_STEP, PlotWindow, axis_lines
+from rsoconsole.console.words.curves import Page, alignment_lines, focus_lines, image_quality_lines
+from rsoconsole.console.words.panels import LIVE_STEP, PlotWindow, time_axis_lines
 from rsoconsole.console.words.track_lines import neighbour_lines, track_list_lines
-from rsoconsole.console.words.words import present_utc_ns
+from rsoconsole.console.words.words import frame_clock_utc_ns
 from rsoconsole.night import FollowedTrack, FrameRow, NightView
 
 
-def night_of(night: NightView, track: FollowedTrack) -> NightView:
+def night_of_track(night: NightView, track: FollowedTrack) -> NightView:
     """Return a copy of the night whose rows hold one track's measurements, for its plots."""
     rows = {row.frame_id: row for row in track.rows}
 
@@ -34,7 +34,7 @@ def night_of(night: NightView, track: FollowedTrack) -> NightView:
     return replace(night, track=track.state, rows=tuple(of_track(row) for row in night.rows))
 
 
-class PlotActions(Seat):
+class PlotActions(OperatorScreen):
     """Draws a track's plots, or a page over them: image quality, focus, alignment, tracks."""
 
     PAGES: ClassVar[dict[Page, str]] = {
@@ -59,15 +59,15 @@ class PlotActions(Seat):
         return next((each for each in tracks if each.track_id == self.chosen_track_id), None)
 
     @property
-    def plotted_words(self) -> str:
+    def plotted_track_words(self) -> str:
         """The plotted track in words, "track 3"; empty: the lead."""
         chosen = self.chosen_track
-        return "" if chosen is None else f"track {chosen.number}"
+        return "" if chosen is None else f"track {chosen.number_text}"
 
     def show_plots(self) -> None:
-        """Draw the plots of the chosen track, their axis of times, and the page over them."""
-        chosen, of, window = self.chosen_track, self.plotted_words, self.window
-        night = self.night if chosen is None else night_of(self.night, chosen)
+        """Draw the chosen track's plots with their time axis, and the open page, if any."""
+        chosen, of, window = self.chosen_track, self.plotted_track_words, self.window
+        night = self.night if chosen is None else night_of_track(self.night, chosen)
         self.pane("confidence").show(partial(panels.confidence_lines, night, window=window))
         residuals = partial(panels.residual_lines, night, window=window, of=of)
         self.pane("east").show(partial(residuals, "east"))
@@ -75,10 +75,12 @@ class PlotActions(Seat):
         self.pane("nis").show(partial(panels.nis_lines, night, window=window, of=of))
         words = window.words(night.rows)
         self.pane("axis").show(
-            lambda width, height: axis_lines(window.rows(night.rows, width), width, height, words)
+            lambda width, height: time_axis_lines(
+                window.rows(night.rows, width), width, height, words
+            )
         )
         if self.page == "quality":
-            self.pane("curves").show(partial(quality_lines, night.rows, window=window))
+            self.pane("curves").show(partial(image_quality_lines, night.rows, window=window))
         elif self.page == "focus":
             self.pane("curves").show(partial(focus_lines, night))
         elif self.page == "alignment":
@@ -92,11 +94,11 @@ class PlotActions(Seat):
         chosen = None if track is None else track.track_id
         if self.shows_neighbours:
             return partial(neighbour_lines, night, chosen)
-        now = present_utc_ns(night, self.engine)
+        now = frame_clock_utc_ns(night, self.engine)
         return partial(track_list_lines, night, chosen, now, next_aim=self.engine.next_aim)
 
-    def place_plots(self, box: Box, *, is_covered: bool) -> None:
-        """Lay the open page into ``box`` over the plots; an open list of tracks takes the focus.
+    def place_page(self, box: Box, *, is_covered: bool) -> None:
+        """Place the open page at ``box``, over the plots; an open list of tracks gets the focus.
 
         ``is_covered``: another pane lies over the plots, so that the page is hidden.
         """
@@ -147,7 +149,9 @@ class PlotActions(Seat):
             self._show_window(moved)
 
     def action_plots_on(self) -> None:
-        """Show later frames in the plots; once the newest is shown, the plots follow the night."""
+        """Show later frames in the plots; once they reach the newest, the plots follow new
+        frames.
+        """
         self._show_window(self.window.moved(LIVE_STEP, len(self.night.rows), self._mark_count()))
 
     def _mark_count(self) -> int:

@@ -1,6 +1,6 @@
-"""Base of the console's screens: their state, whether they may act, and sending commands.
+"""Base of the console's screens: shared state, permission to act, sending of commands.
 
-A method that only a derived screen can fill is empty here.
+A method that only a derived screen can implement does nothing here.
 """
 
 import time
@@ -16,8 +16,8 @@ from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.keymap import Orders
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_view import EngineView, OrbitAhead
-from rsoconsole.console.orbit.lines import OrbitFacts, orbit_facts, target_words
+from rsoconsole.console.night.engine_view import EngineView, OrbitPrediction
+from rsoconsole.console.orbit.lines import OrbitPaneContents, orbit_pane_contents, target_words
 from rsoconsole.console.panes.last_line import Key
 from rsoconsole.console.panes.panes import FramePane, LinesPane
 from rsoconsole.console.picture.marks import Mark
@@ -25,12 +25,12 @@ from rsoconsole.console.picture.picture import DrawnPicture, Picture
 from rsoconsole.console.watches.messages import StopNewsCame, call_between_messages
 from rsoconsole.console.words import words
 from rsoconsole.console.words.leaving import kept_words
-from rsoconsole.console.words.words import present_utc_ns
+from rsoconsole.console.words.words import frame_clock_utc_ns
 from rsoconsole.control import SUPERSEDED, Command, Outcome, StopNews, mount_words
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Outlook
+    from rsoconsole.pipeline import SkyOutlook
 
 Answer = TypeVar("Answer")
 NEW_LINES = 20
@@ -45,16 +45,15 @@ def _nothing(*_: object) -> None:
     """Do nothing: the default callback."""
 
 
-class Seat(Screen[None]):
+class OperatorScreen(Screen[None]):
     """Base screen: holds the state of night and engine and sends the operator's commands."""
 
     night: var[NightView] = var(NightView, init=False, always_update=True)
     engine: var[EngineView] = var(EngineView, init=False, always_update=True)
     picture: var[Picture | None] = var(None, init=False, always_update=True)
-    outlook: var["Outlook | None"] = var(None, init=False, always_update=True)
-    orbit_ahead: var[OrbitAhead | None] = var(None, init=False, always_update=True)
+    outlook: var["SkyOutlook | None"] = var(None, init=False, always_update=True)
+    orbit_ahead: var[OrbitPrediction | None] = var(None, init=False, always_update=True)
     is_click = False
-    """True while an action runs that was clicked, not typed."""
     is_log_open = False
     is_orbit_open = False
 
@@ -89,7 +88,6 @@ class Seat(Screen[None]):
         self.last_said = ""
         self._notice_until_s = 0.0
         self.stops = 0
-        """Number of STOPs given at this console."""
         self._stopped_utc_ns: int | None = None
         """Time of the last STOP given at this console, UTC nanoseconds by the engine's clock."""
         self._is_stop_seen = False
@@ -108,7 +106,7 @@ class Seat(Screen[None]):
     def open_unrequested_dialog(
         self, dialog: Dialog[Answer], decided: Callable[[Answer | None], None] | None = None
     ) -> None:
-        """Open a dialog that no key asked for: for a moment it takes no key.
+        """Open a dialog that no key asked for; it ignores keys for a moment.
 
         ``decided``: called with the dialog's result.
         """
@@ -116,7 +114,7 @@ class Seat(Screen[None]):
         self.app.push_screen(dialog, decided)
 
     def log_lines_after(self, seq: int) -> list[LogLine]:
-        """Return the log's lines recorded after ``seq``, from the last ``NEW_LINES`` alone."""
+        """Return those of the log's last ``NEW_LINES`` lines that were recorded after ``seq``."""
         return [line for line in self.night.log[-NEW_LINES:] if line.seq > seq]
 
     def log_lines_since(self, before: NightView) -> list[LogLine]:
@@ -146,7 +144,7 @@ class Seat(Screen[None]):
         self._notice_until_s = 0.0
 
     def show_keys(self) -> None:
-        """Draw the last line; empty here, screens with a last line override it."""
+        """Draw the last line; does nothing here, screens with a last line override it."""
 
     def show_stop(self, news: StopNews | None) -> None:
         """Set the state of the last STOP; None: none to show. A screen with a banner draws it."""
@@ -174,13 +172,15 @@ class Seat(Screen[None]):
         return self.query_one("#frame", FramePane).drawing
 
     def place_panes(self) -> None:
-        """Lay out the panes for the terminal's size; empty here."""
+        """Lay out the panes for the terminal's size; does nothing here."""
 
     def show_picture(self) -> None:
-        """Draw the shown frame in both picture panes; empty here."""
+        """Draw the shown frame in both picture panes; does nothing here."""
 
     def handle_view_change(self) -> None:
-        """React to a picture that has moved or shows another part of its frame; empty here."""
+        """React to a picture that has moved or shows another part of its frame; does nothing
+        here.
+        """
 
     @property
     def hides_signs(self) -> bool:
@@ -188,34 +188,34 @@ class Seat(Screen[None]):
         return False
 
     def unfinished_mark_signs(self) -> tuple[Mark, ...]:
-        """Return the signs of the unfinished mark; none here."""
+        """Return the signs of the unfinished mark; an empty tuple here."""
         return ()
 
     @property
     def keys(self) -> list[Key]:
-        """The keys that the last line shows; none here."""
+        """The keys that the last line shows; an empty list here."""
         return []
 
     @property
-    def alert(self) -> str:
+    def alert_words(self) -> str:
         """The alert in words; empty: there is none."""
         return ""
 
     @property
-    def intro(self) -> str:
+    def night_intro(self) -> str:
         """The text in the alert's place while there is no alert; empty here."""
         return ""
 
     @property
-    def orbit(self) -> OrbitFacts:
+    def orbit(self) -> OrbitPaneContents:
         """What the orbit pane shows."""
-        return orbit_facts(self.night, self.engine, self.orbit_ahead)
+        return orbit_pane_contents(self.night, self.engine, self.orbit_ahead)
 
     def target_name(self) -> str:
         """Return the target's name, as in the first line; empty: not known."""
         return target_words(self.orbit)[0].rstrip("?") or self.engine.target or ""
 
-    def top(self, width: int, rows: int) -> list[Line]:
+    def top_lines(self, width: int, rows: int) -> list[Line]:
         """Build the first lines: state, its duration, who has control, target, frame clock."""
         return words.top_lines(
             self.night,
@@ -224,18 +224,18 @@ class Seat(Screen[None]):
             width,
             rows,
             found=target_words(self.orbit),
-            kept=self.kept_words,
+            kept=self.kept_track_words,
             is_stopping=self.is_stopping,
         )
 
     @property
-    def kept_words(self) -> tuple[str, ...]:
-        """Wordings of which track is kept, and the key to follow it; longest first; or empty."""
-        now, is_asked_for = present_utc_ns(self.night, self.engine), self.is_following_again
+    def kept_track_words(self) -> tuple[str, ...]:
+        """Words on the kept track and its key, in several lengths, longest first; or empty."""
+        now, is_asked_for = frame_clock_utc_ns(self.night, self.engine), self.is_following_again
         return kept_words(self.engine, self.keymap, now, is_asked_for=is_asked_for)
 
     def open_session(self, folder: Path) -> None:
-        """Show a recorded session; empty here."""
+        """Show a recorded session; does nothing here."""
 
     # -- commands -----------------------------------------------------------------------------
 
@@ -244,8 +244,8 @@ class Seat(Screen[None]):
         """True where this console can reach an engine and is not read-only."""
         return self.engine.is_attached and not self.read_only
 
-    def may_act(self) -> bool:
-        """Return whether this console may send commands; where not, a notice says why."""
+    def check_can_act(self) -> bool:
+        """Return whether this console may send commands; if not, show a notice that says why."""
         if self.read_only:
             self.say("read only: this console only looks, but for STOP")
         elif not self.engine.is_attached:
@@ -255,7 +255,7 @@ class Seat(Screen[None]):
     def send(self, command: Command, then: Command | None = None) -> None:
         """Send a command to the engine; ``handle_outcome`` gets the answer.
 
-        ``then``: command sent right after it, if the engine has accepted it and no STOP came
+        ``then``: command to send after it, once the engine has accepted it and if no STOP came
         between.
         """
         self.say(f"{command.label()} …")
@@ -273,9 +273,9 @@ class Seat(Screen[None]):
         """
 
     def action_hand_over(self, name: str) -> None:
-        """Send the engine's command of the key command ``name``, if this console may act."""
+        """Send the engine command of the key command named ``name``, if this console may act."""
         command = BY_NAME[name].sends
-        if command is not None and self.may_act():
+        if command is not None and self.check_can_act():
             self.send(command)
 
     def stop(self) -> None:
@@ -305,7 +305,7 @@ class Seat(Screen[None]):
             self.set_timer(BANNER_S, partial(self._forget_stop, message.news))
         self.ask_now()
 
-    def check_failed_stop(self) -> None:
+    def end_failed_stop_alarm(self) -> None:
         """End the alarm of a failed STOP once the mount is measured to be at rest."""
         news, engine = self.stop_news, self.engine
         self._is_stop_seen |= engine.holder == "nobody"

@@ -1,12 +1,12 @@
-"""Keys that act on a second press alone: they end a track, or take the mount from autonomy."""
+"""Keys that act only on a second press, as they end a track or take control."""
 
 from collections.abc import Callable
 from typing import Literal
 
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.night.engine_view import EngineView
-from rsoconsole.console.words.words import present_utc_ns
+from rsoconsole.console.words.words import frame_clock_utc_ns
 from rsoconsole.words import NS_PER_S, duration_words
 
 WITHIN_S = 2.0
@@ -26,7 +26,7 @@ def has_track(engine: EngineView) -> bool:
 
 
 class SecondPress:
-    """Distinguishes a deliberate second press from a first press, another key and a held key."""
+    """Tells a deliberate second press of a key from a first press, another key and a held key."""
 
     def __init__(self) -> None:
         self._name = ""
@@ -38,7 +38,7 @@ class SecondPress:
         """Number of the last press; a higher number than at the second press cancels its action."""
 
     def receive(self, name: str, now_s: float) -> PressOutcome:
-        """Return the effect of a press of a key: it asks for a second press, acts, or is held down.
+        """Return what a press does: "asked" (press again), "acts", or "held" (held down).
 
         ``name``: the name of the key's command; ``now_s``: monotonic time, s.
         """
@@ -57,24 +57,24 @@ class SecondPress:
         return "asked"
 
     def forget(self) -> None:
-        """Forget the first press and cancel a waiting action: another key was pressed."""
+        """Forget the first press and cancel a waiting action, because another key was pressed."""
         self.number += 1
         self._name, self._is_held = "", False
 
 
-class TwicePressed:
-    """Runs an action on the second press of its key, where it ends a track or takes the mount."""
+class TwoPressKeys:
+    """Runs actions that end a track or take the mount on the second press of their key."""
 
-    def __init__(self, seat: Seat) -> None:
+    def __init__(self, seat: OperatorScreen) -> None:
         self._seat = seat
         self.press = SecondPress()
 
-    def ask(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
+    def handle_press(self, name: str, what: str, act: Callable[[], None], key: str = "") -> None:
         """Handle a press: the first announces the effect, the second runs ``act``.
 
-        A click counts as no press: it only shows which key to press.
+        A click does not count as a press: it shows which key to press.
         ``name``: the command's name.
-        ``what``: the effect, as it follows "a again within 2 s".
+        ``what``: the effect, as the notice "a again within 2 s ..." continues.
         ``key``: the key's name, where the key belongs to no command.
         """
         seat, press = self._seat, self.press
@@ -103,10 +103,10 @@ class TwicePressed:
         self._seat.say(f"{key} twice within {WITHIN_S:.0f} s {what}: not by the mouse", "warn")
 
     def track_words(self) -> str:
-        """Return the track that would end, in words: INTELSAT 14 (31 min)."""
+        """Return the name and age of the followed track, as in "INTELSAT 14 (31 min)"."""
         seat = self._seat
         name = seat.target_name() or "an unidentified object"
-        since, now = seat.night.track_since_utc_ns, present_utc_ns(seat.night, seat.engine)
+        since, now = seat.night.track_since_utc_ns, frame_clock_utc_ns(seat.night, seat.engine)
         if since is None or now is None:
             return name
         return f"{name} ({duration_words((now - since) / NS_PER_S)})"

@@ -3,11 +3,11 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.second_press import SETTLES_S, WITHIN_S, TwicePressed, has_track
+from rsoconsole.console.actions.seat import OperatorScreen
+from rsoconsole.console.actions.second_press import SETTLES_S, WITHIN_S, TwoPressKeys, has_track
 from rsoconsole.console.dialogs.candidates import RejectDialog
 from rsoconsole.console.watches.messages import Pointed
-from rsoconsole.control import Accept, Choose, Reject
+from rsoconsole.control import Accept, ChooseStreak, Reject
 from rsoconsole.records import Detection
 
 CLICK_PX = 60.0
@@ -29,7 +29,7 @@ class StreakChoice:
 class StreakActions:
     """The operator's choices among a frame's streaks: follow, accept, reject, by key or click."""
 
-    def __init__(self, seat: Seat, twice: TwicePressed) -> None:
+    def __init__(self, seat: OperatorScreen, twice: TwoPressKeys) -> None:
         self._seat, self._twice = seat, twice
         self._chosen, self._chosen_in = -1, -1
         self._choice: StreakChoice | None = None
@@ -43,7 +43,7 @@ class StreakActions:
     def action_follow_next(self) -> None:
         """Follow the clicked streak, or the shown frame's next one, the likeliest first."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         asked = self._choice if seat.now_s() < self._choice_until_s else None
         pick = asked or self._next_choice()
@@ -52,7 +52,9 @@ class StreakActions:
         elif has_track(seat.engine) and (asked or not self.is_followed(pick.streak)):
             # Another streak ends the track: that asks twice, and the second press means the same.
             self._keep_choice(pick, WITHIN_S)
-            self._twice.ask("follow_next", self._track_end_words(pick), lambda: self._choose(pick))
+            self._twice.handle_press(
+                "follow_next", self._track_end_words(pick), lambda: self._choose(pick)
+            )
         else:
             self._choose(pick)
 
@@ -80,7 +82,10 @@ class StreakActions:
         if self._seat.picture is None:
             return False
         detail = self._seat.picture.detail
-        taken = (detail.followed, *(m for m in detail.all_measured if detail.track_of(m)))
+        taken = (
+            detail.accepted_measurement,
+            *(m for m in detail.all_measurements if detail.track_of(m)),
+        )
         return any(
             math.hypot(m.x_px - streak.x_px, m.y_px - streak.y_px) < 1.0
             for m in taken
@@ -97,18 +102,18 @@ class StreakActions:
     def _choose(self, pick: StreakChoice) -> None:
         self._chosen, self._chosen_in, self._choice_until_s = pick.number, pick.frame_id, 0.0
         streak = pick.streak
-        self._seat.send(Choose(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
+        self._seat.send(ChooseStreak(frame_id=pick.frame_id, x_px=streak.x_px, y_px=streak.y_px))
 
     def action_accept(self) -> None:
         """Accept the shown frame's likeliest candidate as the followed object."""
-        if self._seat.may_act():
+        if self._seat.check_can_act():
             picture = self._seat.picture
             self._seat.send(Accept(frame_id=None if picture is None else picture.frame_id))
 
     def action_reject(self) -> None:
         """Ask which of the last measurements was of another object, and reject that one."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         measured = seat.night.measured
         if not measured:
@@ -122,14 +127,17 @@ class StreakActions:
         seat.app.push_screen(RejectDialog(measured), decided)
 
     def click(self, at: Pointed) -> None:
-        """Choose the streak at the mouse; where that would end a track, the key must be pressed."""
+        """Choose the streak at the mouse; where that ends a track, name the key to press."""
         seat = self._seat
         streaks, picture = self.streaks(), seat.picture
         if not streaks or picture is None:
             return
         number = min(range(len(streaks)), key=lambda each: _away_px(streaks[each], at))
         pick = StreakChoice(frame_id=picture.frame_id, number=number, streak=streaks[number])
-        if _away_px(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square) or not seat.may_act():
+        if (
+            _away_px(pick.streak, at) > max(CLICK_PX, 2.0 * at.px_per_square)
+            or not seat.check_can_act()
+        ):
             return
         if has_track(seat.engine) and not self.is_followed(pick.streak):
             self._keep_choice(pick, CLICKED_S)

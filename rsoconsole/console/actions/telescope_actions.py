@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from rsoconsole.config import Config
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.actions.second_press import RELEASED_S, WITHIN_S, TwicePressed, has_track
+from rsoconsole.console.actions.seat import OperatorScreen
+from rsoconsole.console.actions.second_press import RELEASED_S, WITHIN_S, TwoPressKeys, has_track
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.ask import (
     AimDialog,
@@ -30,7 +30,7 @@ from rsoconsole.control import (
     Resume,
     Seek,
     Set,
-    Track,
+    SetTracking,
     Unpark,
 )
 from rsoconsole.records import Solution
@@ -43,7 +43,9 @@ AGAIN_S = 60.0
 class TelescopeActions:
     """The telescope's keys: arm, hold, park, follow again, go to, expose and others."""
 
-    def __init__(self, seat: Seat, twice: TwicePressed, take_back_drop: Callable[[], bool]) -> None:
+    def __init__(
+        self, seat: OperatorScreen, twice: TwoPressKeys, take_back_drop: Callable[[], bool]
+    ) -> None:
         """``take_back_drop``: follows the last dropped track again; False where there is none."""
         self._seat, self._twice, self._take_back_drop = seat, twice, take_back_drop
         self._no_arming_before_s = 0.0
@@ -56,7 +58,7 @@ class TelescopeActions:
         """Monotonic time, s, of the unanswered request to follow the kept track; -inf: none."""
 
     def handle_outcome(self, command: Command, outcome: Outcome) -> None:
-        """Note that the engine has answered: arming or resuming is no longer under way."""
+        """End the waiting for arming or following again, where the engine's answer ends it."""
         if isinstance(command, Arm):
             self.is_arming = False
         if isinstance(command, Arm | Resume) and not outcome.ok:
@@ -70,18 +72,18 @@ class TelescopeActions:
             and self._seat.now_s() < self._asked_again_s + AGAIN_S
         )
 
-    def note_refused(self, verbs: frozenset[str]) -> None:
-        """Note verbs that the engine accepted and then refused: they are under way no longer."""
+    def handle_refused_verbs(self, verbs: frozenset[str]) -> None:
+        """End a pending request to follow again, if its command is among the refused ``verbs``."""
         if verbs & {Arm.verb, Resume.verb}:
             self._asked_again_s = -math.inf
 
-    def note_stop(self) -> None:
-        """Note a STOP, which cancels earlier requests to follow the kept track again."""
+    def handle_stop(self) -> None:
+        """Cancel a pending request to follow the kept track again, because STOP was given."""
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
-    def note_control_change(self, before: EngineView) -> None:
-        """Note a change of who has control; ``before``: the engine's previous status."""
+    def handle_control_change(self, before: EngineView) -> None:
+        """Update pending requests after control changed; ``before``: previous engine status."""
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder
         if is_lost:
@@ -92,7 +94,7 @@ class TelescopeActions:
     def action_arm_or_disarm(self) -> None:
         """Arm; where armed, disarm. While there is a track, disarming needs a second press."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         is_armed = seat.engine.holder == "autonomy"
         if seat.is_click and not has_track(seat.engine):
@@ -104,7 +106,7 @@ class TelescopeActions:
         elif has_track(seat.engine):
             self._arm_not_within(WITHIN_S)
             what = f"ends the track of {self._twice.track_words()}"
-            self._twice.ask("arm_or_disarm", what, self._disarm)
+            self._twice.handle_press("arm_or_disarm", what, self._disarm)
         else:
             self._disarm()
 
@@ -126,14 +128,14 @@ class TelescopeActions:
         self._no_arming_before_s = max(self._no_arming_before_s, self._seat.now_s() + seconds)
 
     def action_hold_or_resume(self) -> None:
-        """Hold: no slews for now. Where held, resume; where a track is kept, follow it again."""
+        """Hold (no slews), or resume where it holds; where a track is kept, follow it again."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         is_at_rest = seat.engine.holder != "autonomy"
         if seat.engine.kept is not None and is_at_rest:
             self._follow_again(is_certain=False)
-        elif seat.engine.wants_resuming:
+        elif seat.engine.is_autonomy_waiting:
             seat.send(Resume())
         elif seat.engine.holder == "autonomy":
             seat.send(Hold())
@@ -143,7 +145,7 @@ class TelescopeActions:
     def action_wait_for_sky(self) -> None:
         """Hold until the stars are back; autonomy resumes by itself then."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         if seat.engine.holder == "autonomy":
             seat.send(Hold(until="clear"))
@@ -153,7 +155,7 @@ class TelescopeActions:
     def action_park(self) -> None:
         """Ask for confirmation, then disarm and park the mount."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
 
         def decided(is_wanted: bool | None) -> None:
@@ -169,7 +171,7 @@ class TelescopeActions:
     def action_undo(self) -> None:
         """Unpark a parked mount; else take the last drop back, or follow the kept track again."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         if seat.is_stopping:
             self._follow_again(is_certain=True)  # what the engine said last is from before it
@@ -242,30 +244,30 @@ class TelescopeActions:
         seat.set_timer(left_s, when_due)
 
     def action_seek(self) -> None:
-        """Search round the predicted position; a running track is given up, on a second press."""
+        """Search round the predicted position; giving up a track needs a second press."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         if has_track(seat.engine):
             what = f"gives up the track of {self._twice.track_words()} and searches for it"
-            self._twice.ask("seek", what, lambda: seat.send(Seek()))
+            self._twice.handle_press("seek", what, lambda: seat.send(Seek()))
         else:
             seat.send(Seek())
 
     def action_track_or_stand(self) -> None:
         """Switch the mount's sidereal tracking off where it is on, and on where it is off."""
         seat = self._seat
-        if seat.may_act():
-            seat.send(Track(is_on=not seat.engine.is_tracking))
+        if seat.check_can_act():
+            seat.send(SetTracking(is_on=not seat.engine.is_tracking))
 
     def action_exposure(self) -> None:
         """Ask for the exposure and the cadence to use from now on."""
-        if self._seat.may_act():
+        if self._seat.check_can_act():
             self._ask_settings(ExposureDialog(self._settings(ExposureDialog.NAMES)))
 
     def action_aim(self) -> None:
         """Ask for an offset from the predicted position; the dialog previews its effect."""
-        if self._seat.may_act():
+        if self._seat.check_can_act():
             self._ask_settings(AimDialog(self._settings(AimDialog.NAMES), self._seat.orders))
 
     def _settings(self, names: Iterable[str]) -> dict[str, Any]:
@@ -287,7 +289,7 @@ class TelescopeActions:
     def _ask_where(self, begun: str) -> None:
         """Ask for a direction to go to; ``begun``: text already in the field."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
 
         def decided(direction: tuple[float, float] | None) -> None:
@@ -326,14 +328,14 @@ class TelescopeActions:
     def action_centre(self) -> None:
         """Ask, then point the telescope at the followed streak, or at the likeliest one."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         picture = seat.picture
         detail = picture.detail if picture is not None else None
         if detail is None or not isinstance(detail.solution, Solution):
             seat.say("nothing can be pointed at: the frame has no plate", "warn")
             return
-        followed = detail.followed
+        followed = detail.accepted_measurement
         found = detail.detections.detections if detail.detections is not None else ()
         if followed is not None and seat.night.track is not None:
             from rsoconsole.pipeline import direction_at

@@ -6,10 +6,10 @@ from typing import ClassVar
 from textual.binding import Binding, BindingType
 
 from rsoconsole.console.actions.plot_actions import PlotActions
-from rsoconsole.console.actions.second_press import TwicePressed, has_track
+from rsoconsole.console.actions.second_press import TwoPressKeys, has_track
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.words.track_lines import is_chosen, track_name_words
-from rsoconsole.control import Choose, Drop, Keep
+from rsoconsole.control import ChooseStreak, DropTrack, KeepTrack
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.words import KEPT
 
@@ -24,7 +24,7 @@ def lead_track(night: NightView) -> FollowedTrack | None:
 def track_words(night: NightView, track: FollowedTrack) -> str:
     """Return a track in words: its number, and its name where it has one."""
     name = track_name_words(night, track.track_id)
-    return f"track {track.number}{'' if name == '-' else f' ({name})'}"
+    return f"track {track.number_text}{'' if name == '-' else f' ({name})'}"
 
 
 class TracksPane(LinesPane, can_focus=False):
@@ -46,12 +46,12 @@ class TracksPane(LinesPane, can_focus=False):
 
 
 class TrackActions(PlotActions):
-    """Keys of the list of tracks, but for dropping and keeping: those refuse here."""
+    """Keys of the list of tracks; dropping and keeping a track are refused here."""
 
     def action_close_tracks(self) -> None:
         """Close the list of tracks; the plots show again."""
         self.show_page(None)
-        self.say(f"plots: {self.plotted_words or 'the lead'}")
+        self.say(f"plots: {self.plotted_track_words or 'the lead'}")
 
     def action_show_neighbours(self, shows: bool) -> None:
         """List each track's neighbours, or with ``shows`` False the tracks."""
@@ -59,7 +59,7 @@ class TrackActions(PlotActions):
         self.show_plots()
 
     def action_move_track_cursor(self, by: int) -> None:
-        """Move the list's cursor by a number of rows, below 0 up."""
+        """Move the list's cursor by ``by`` rows; a negative number moves it up."""
         tracks, chosen = self.night.tracks, self.chosen_track
         if tracks:
             chosen_id = None if chosen is None else chosen.track_id
@@ -72,13 +72,17 @@ class TrackActions(PlotActions):
         """Make the chosen track the lead; the other tracks are still followed."""
         night, track, lead = self.night, self.chosen_track, lead_track(self.night)
         if track is None or track.is_lead:
-            self.say("nothing is followed" if lead is None else f"track {lead.number} is the lead")
-        elif self.may_act():
+            self.say(
+                "nothing is followed" if lead is None else f"track {lead.number_text} is the lead"
+            )
+        elif self.check_can_act():
             if track.measured_px is None or track.measured_frame_id is None:
-                self.say(f"track {track.number} has no measurement that says which it is", "warn")
+                self.say(
+                    f"track {track.number_text} has no measurement that says which it is", "warn"
+                )
                 return
             x_px, y_px = track.measured_px
-            self.send(Choose(frame_id=track.measured_frame_id, x_px=x_px, y_px=y_px))
+            self.send(ChooseStreak(frame_id=track.measured_frame_id, x_px=x_px, y_px=y_px))
             self.say(f"{track_words(night, track)} is to be the lead …")
 
     def action_drop_track(self) -> None:
@@ -90,36 +94,36 @@ class TrackActions(PlotActions):
         self.say("only the live console keeps a track", "warn")
 
 
-class TrackOrders(TrackActions):
+class LiveTrackActions(TrackActions):
     """Keys of the live console's list of tracks: drop a track, keep it, take a drop back."""
 
-    twice: TwicePressed
+    twice: TwoPressKeys
 
     def action_drop_track(self) -> None:
         """Drop the track at the cursor; the lead only on a second press."""
         track = self.chosen_track or lead_track(self.night)
         if track is None:
             self.say("nothing is followed that could be dropped", "warn")
-        elif self.may_act():
+        elif self.check_can_act():
             drop = partial(self._send_drop, track)
             if track.is_lead and has_track(self.engine):
                 what = f"drops {track_words(self.night, track)}, the lead"
-                self.twice.ask(f"drop_track {track.track_id}", what, drop, key=DROP_KEY)
+                self.twice.handle_press(f"drop_track {track.track_id}", what, drop, key=DROP_KEY)
             else:
                 drop()
 
     def _send_drop(self, track: FollowedTrack) -> None:
-        self.send(Drop(track=track.track_id))
+        self.send(DropTrack(track=track.track_id))
         self.say(f"{track_words(self.night, track)} is to be dropped …")
 
     def action_keep_track(self) -> None:
-        """Keep the track at the cursor however many frames miss it; a kept one is released."""
+        """Keep the track at the cursor however many frames miss it, or release it if it is kept."""
         track = self.chosen_track or lead_track(self.night)
         if track is None:
             self.say("nothing is followed that could be kept", "warn")
-        elif self.may_act():
+        elif self.check_can_act():
             is_kept = track.state.is_kept
-            self.send(Keep(track=track.track_id, off=True if is_kept else None))
+            self.send(KeepTrack(track=track.track_id, off=True if is_kept else None))
             said = "is kept no longer" if is_kept else f"is {KEPT}"
             self.say(f"{track_words(self.night, track)} {said} …")
 
@@ -128,6 +132,6 @@ class TrackOrders(TrackActions):
         if self.engine.holder != "autonomy" or not self.night.dropped:
             return False
         number = self.night.dropped[-1]
-        self.send(Drop(track=number, off=True))
+        self.send(DropTrack(track=number, off=True))
         self.say(f"track {number} is followed again …")
         return True

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.base import ConfigError
 from rsoconsole.config import default_config_path
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
 from rsoconsole.console.tuning.tuning_pane import (
@@ -22,8 +22,8 @@ from rsoconsole.console.tuning.tuning_pane import (
 )
 from rsoconsole.console.tuning.what_if_watch import (
     WhatIfWatch,
-    count_by_present_settings,
-    frames_of_track,
+    count_present_settings_frames,
+    lead_track_frames,
 )
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.control import MAX_FRAMES, Command, Set
@@ -40,13 +40,12 @@ EVERY_S = 20.0
 class TuneActions:
     """Computes a night's figures with changed settings; sends settings, handles presets."""
 
-    def __init__(self, seat: Seat) -> None:
+    def __init__(self, seat: OperatorScreen) -> None:
         self._seat = seat
         self.is_open = False
         self.figures: tuple[TrackFigures | None, TrackFigures | None] = (None, None)
         """(figures as recorded, figures with changed settings); None until computed."""
         self.tuning = Tuning()
-        """The settings in force and the changed ones."""
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
 
@@ -69,12 +68,12 @@ class TuneActions:
         seat.set_focus(pane)
         self.show()
         seat.show_keys()
-        self.compute()
+        self.request_figures()
         if self._watch is not None:
             self._watch.prepare()
 
     def close(self) -> None:
-        """Close the tuning pane; settings on trial stay on trial."""
+        """Close the tuning pane; changed settings that were not sent are kept."""
         seat = self._seat
         self.is_open = False
         self.pane.can_focus = False
@@ -89,42 +88,42 @@ class TuneActions:
         self.tuning.see({name: self._seat.night.setting(name) for name in NAMES})
         if had_changes and not self.tuning.changes:
             self.figures = (self.figures[0], None)
-            self.compute()  # what was tried is in force: its figures are those of the night
+            self.request_figures()  # what was tried is in force: its figures are those of the night
         lines = tune_lines(self.tuning, *self.figures, words=self.words)
         self.pane.show(lines)
 
     @property
     def words(self) -> TuneWords:
         """The pane's texts: which frames the figures cover, and the keys that it offers."""
-        return TuneWords(of_present=self.of_present())
+        return TuneWords(of_present=self.frames_with_present_settings())
 
-    def of_present(self) -> int | None:
+    def frames_with_present_settings(self) -> int | None:
         """Return how many of the figures' frames ran with the settings in force; None: unknown."""
         now = self.figures[0]
         if now is None:
             return None
-        return count_by_present_settings(self._seat.night, now.frames)
+        return count_present_settings_frames(self._seat.night, now.frames)
 
-    def scope(self) -> tuple[int | None, int | None]:
-        """Return what the figures cover: the last ``seq`` of the log, and how many last frames.
+    def figures_scope(self) -> tuple[int | None, int | None]:
+        """Return the figures' span: (last ``seq`` of the log, number of last frames).
 
         The first is None for the log's end, the second None for all frames.
         """
-        return None, self.last_frames()
+        return None, self.last_frame_count()
 
-    def last_frames(self) -> int:
+    def last_frame_count(self) -> int:
         """Return how many of the lead's last frames the figures cover."""
-        return len(frames_of_track(self._seat.night)) or LAST_FRAMES
+        return len(lead_track_frames(self._seat.night)) or LAST_FRAMES
 
-    def compute(self) -> None:
+    def request_figures(self) -> None:
         """Request the figures: as recorded, and with the changed settings."""
         seat = self._seat
         if seat.night.folder is None or seat.night.config is None:
             return
         self._computed_s = time.monotonic()
         if self._watch is None:
-            self._watch = WhatIfWatch(partial(call_between_messages, seat, self.see))
-        until_seq, last = self.scope()
+            self._watch = WhatIfWatch(partial(call_between_messages, seat, self.show_figures))
+        until_seq, last = self.figures_scope()
         self._watch.ask(
             seat.night.folder,
             seat.night.config,
@@ -139,10 +138,12 @@ class TuneActions:
             return  # nobody knows yet over how many frames
         is_due = time.monotonic() - self._computed_s >= EVERY_S
         if self.pane.display and is_due:
-            self.compute()
+            self.request_figures()
 
-    def see(self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str) -> None:
-        """Show the figures as recorded and with changed settings; or the fault, if any."""
+    def show_figures(
+        self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str
+    ) -> None:
+        """Show figures as recorded (``now``) and with changed settings (``then``), or the fault."""
         if fault:
             self._seat.say(fault, "warn")
             return
@@ -155,7 +156,7 @@ class TuneActions:
             self._watch.close()
 
     def handle_pane_request(self, message: TunePane.Wanted) -> None:
-        """Do what one of the pane's keys requested."""
+        """Run the action that a key of the pane requested."""
         if message.what == "type":
             self._type(message.begun)
             return
@@ -196,10 +197,10 @@ class TuneActions:
     def _preview(self) -> None:
         self.figures = (self.figures[0], None)
         self.show()
-        self.compute()
+        self.request_figures()
 
     def _apply(self) -> None:
-        if not self._seat.may_act():
+        if not self._seat.check_can_act():
             return
         wanted = self.tuning.apply()
         self._set(wanted)
@@ -210,7 +211,7 @@ class TuneActions:
     def _apply_for_frames(self) -> None:
         """Ask for a number of frames, and send the changed settings for that long."""
         seat = self._seat
-        if not seat.may_act():
+        if not seat.check_can_act():
             return
         if not self.tuning.changes:
             seat.say("nothing is tried: ←→ changes the chosen setting")
@@ -228,7 +229,7 @@ class TuneActions:
         seat.app.push_screen(dialog, decided)
 
     def _undo(self) -> None:
-        if not self._seat.may_act():
+        if not self._seat.check_can_act():
             return
         wanted = self.tuning.undo()
         self._set(wanted)

@@ -1,4 +1,4 @@
-"""What a command of the console is: name, keys, title, help, and the screens that have it."""
+"""Description of a console command: name, keys, title, help, and its screens."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -22,7 +22,7 @@ BOTH: tuple[Place, ...] = ("live", "review")
 
 @dataclass(frozen=True, slots=True)
 class KeyCommand:
-    """What some keys of the console do; what the engine gets is a ``control.Command``."""
+    """One command of the console and its keys; it may send a ``control.Command``."""
 
     name: str
     """Name in keymap files and of the action, ``action_<name>``."""
@@ -42,6 +42,6 @@ class KeyCommand:
     sends: Command | None = None
     """Command that the key sends to the engine and no more; None: the key runs its action."""
 
-    def is_in(self, place: Place) -> bool:
-        """Return True if the command's keys work on that screen."""
+    def is_available_on(self, place: Place) -> bool:
+        """Return whether the command's keys work on the screen ``place``."""
         return self.is_everywhere or place in self.where

@@ -1,13 +1,13 @@
-"""The list of all commands of the console, of which keys, palette, help and footer are made.
+"""The list of all console commands, from which keys, palette, help and footer are built.
 
-A keymap file gives a command other keys by its name.
+A keymap file assigns other keys to a command by its name.
 """
 
 from collections.abc import Mapping
 from functools import partial
 
 from rsoconsole.console.commands.command import BOTH, KeyCommand, Place
-from rsoconsole.control import Abort, TakeBack, Unpark
+from rsoconsole.control import Abort, Unpark, WithdrawDecisions
 
 _HERE: tuple[Place, ...] = ("review",)
 _time = partial(KeyCommand, group="time", where=_HERE)
@@ -202,7 +202,7 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "backspace",
         "Take back",
         "your last mark, choice, acceptance or rejection, as if it had not been said",
-        sends=TakeBack(),
+        sends=WithdrawDecisions(),
     ),
     _streaks(
         "seek",
@@ -358,4 +358,4 @@ BY_NAME: Mapping[str, KeyCommand] = {command.name: command for command in COMMAN
 
 def commands_in(place: Place) -> tuple[KeyCommand, ...]:
     """Return the commands whose keys work on that screen, with those of the application."""
-    return tuple(command for command in COMMANDS if command.is_in(place))
+    return tuple(command for command in COMMANDS if command.is_available_on(place))

@@ -13,7 +13,13 @@ from pathlib import Path
 from textual.binding import Binding, InvalidBinding
 from textual.keys import KEY_NAME_REPLACEMENTS, Keys
 
-from rsoconsole.base import ConfigError, ControlError, read_foreign, toml_of, value_errors_as
+from rsoconsole.base import (
+    ConfigError,
+    ControlError,
+    parse_toml,
+    read_foreign_text,
+    value_errors_as,
+)
 from rsoconsole.console.commands.command import BOTH, Place
 from rsoconsole.console.commands.commands import BY_NAME, COMMANDS, commands_in
 from rsoconsole.control import Command, ControlClient, DirectStop, Outcome, StopNews, Stopping
@@ -43,13 +49,13 @@ def load_keymap(path: Path) -> dict[str, str]:
     Raises ConfigError for an invalid file, an unknown command, or a key given twice.
     """
     try:
-        text = read_foreign(path)
+        text = read_foreign_text(path)
     except FileNotFoundError:
         return {}
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from error
     with value_errors_as(ConfigError, f"{path}: "):
-        table = toml_of(text)
+        table = parse_toml(text)
     unknown = [name for name in table if name not in BY_NAME]
     if unknown:
         raise ConfigError(
@@ -154,7 +160,7 @@ def key_words(keys: str) -> str:
 
 
 def first_key(name: str, keymap: Mapping[str, str] | None = None) -> str:
-    """Return a command's first key as the screens show it; ``keymap``: other keys, by command."""
+    """Return a command's first key as the screens show it; ``keymap``: keys by command name."""
     return key_words((keymap or {}).get(name, BY_NAME[name].keys)).split()[0]
 
 

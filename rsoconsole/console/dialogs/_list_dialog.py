@@ -1,4 +1,4 @@
-"""Dialogs with a list and a search field over it; one row is chosen."""
+"""Base of dialogs with a search field over a list of rows, of which one is chosen."""
 
 import threading
 from typing import ClassVar, Generic, TypeVar
@@ -12,7 +12,7 @@ from textual.widgets import Input
 from rsoconsole.console.dialogs.dialogs import Dialog, Result
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.words.words import cut_to_width, first_shown
+from rsoconsole.console.words.words import cut_to_width, first_visible_index
 
 Row = TypeVar("Row")
 
@@ -54,34 +54,34 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         self.query_one(Input).focus()
         self.show()
         name = f"console {self.LISTED}"
-        threading.Thread(target=self.look, name=name, daemon=True).start()
+        threading.Thread(target=self.load_rows, name=name, daemon=True).start()
 
-    def look(self) -> None:
+    def load_rows(self) -> None:
         """Find the rows and hand them to the dialog; runs on a thread of its own."""
         raise NotImplementedError
 
     @property
-    def shown(self) -> list[Row]:
-        """The rows that match the typed words."""
+    def matching_rows(self) -> list[Row]:
+        """The rows that match the text in the search field."""
         raise NotImplementedError
 
-    def result_of(self, row: Row) -> Result:
+    def row_result(self, row: Row) -> Result:
         """Return the dialog's result for a chosen row."""
         raise NotImplementedError
 
-    def head(self, width: int) -> str:
-        """Return the line over the rows: heads of columns, or why there are no rows."""
+    def header_line(self, width: int) -> str:
+        """Return the line above the rows: column headings, or why there are no rows."""
         raise NotImplementedError
 
     def row_words(self, row: Row, width: int) -> tuple[str, Ink]:
-        """Return a row's text, and its ink where it is not the chosen row."""
+        """Return a row's text, and the ink in which it is drawn unless it is chosen."""
         raise NotImplementedError
 
     def lines(self, width: int, height: int) -> list[Line]:
         """Return the head and as many rows as there is room for, the chosen one among them."""
-        rows, room = self.shown, max(height - 1, 1)
-        lines = [cut_to_width([(self.head(width), "dim")], width)]
-        first = first_shown(self._at, len(rows), room)
+        rows, room = self.matching_rows, max(height - 1, 1)
+        lines = [cut_to_width([(self.header_line(width), "dim")], width)]
+        first = first_visible_index(self._at, len(rows), room)
         for number, row in enumerate(rows[first : first + room], first):
             is_chosen = number == self._at
             text, ink = self.row_words(row, width)
@@ -93,13 +93,13 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
         """Draw the head and the rows."""
         self.query_one("#rows", LinesPane).show(self.lines)
 
-    def take_typed(self, typed: str) -> None:
+    def handle_typed_text(self, typed: str) -> None:
         """Handle enter where no row matches the typed text: ring the bell."""
         _ = typed
         self.app.bell()
 
-    def take_click(self, number: int) -> None:
-        """Handle a click on the row of that index: choose it."""
+    def handle_row_click(self, number: int) -> None:
+        """Handle a click on the row of index ``number``: choose it."""
         self.choose(number)
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -111,24 +111,26 @@ class ListDialog(Dialog[Result], Generic[Result, Row]):
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Close with the chosen row; without one, handle the typed text."""
         event.stop()
-        shown = self.shown
+        shown = self.matching_rows
         if shown:
-            self.dismiss(self.result_of(shown[min(self._at, len(shown) - 1)]))
+            self.dismiss(self.row_result(shown[min(self._at, len(shown) - 1)]))
         else:
-            self.take_typed(event.value)
+            self.handle_typed_text(event.value)
 
     def on_click(self, event: events.Click) -> None:
         """Find the clicked row and handle the click."""
         rows = self.query_one("#rows", LinesPane)
         if event.widget is rows and event.y:
             room = max(rows.size.height - 1, 1)
-            self.take_click(first_shown(self._at, len(self.shown), room) + event.y - 1)
+            self.handle_row_click(
+                first_visible_index(self._at, len(self.matching_rows), room) + event.y - 1
+            )
 
     def action_choose(self, by: int) -> None:
-        """Move the choice by a number of rows, below 0 up."""
+        """Move the choice by ``by`` rows; a negative number moves it up."""
         self.choose(self._at + by)
 
     def choose(self, number: int) -> None:
         """Choose the row of that index, or the nearest one that exists."""
-        self._at = min(max(number, 0), max(len(self.shown) - 1, 0))
+        self._at = min(max(number, 0), max(len(self.matching_rows) - 1, 0))
         self.show()

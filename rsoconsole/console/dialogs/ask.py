@@ -1,4 +1,4 @@
-"""Dialogs with text fields: a direction, exposure and cadence, an aim, one line of words."""
+"""Dialogs with text fields: direction, exposure and cadence, aim offset, line of text."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -51,8 +51,8 @@ class FieldDialog(Dialog[Result], Generic[Result]):
 class GotoDialog(FieldDialog[tuple[float, float] | None]):
     """Dialog for a direction to go to, in any notation; previews the path and the limits.
 
-    Enter goes once the engine's preview is shown and refuses nothing. Result: (RA, Dec) ICRS,
-    degrees; None: cancelled.
+    Enter is accepted once the engine's preview is shown and refuses nothing. Result: (RA, Dec)
+    ICRS, degrees; None: cancelled.
     """
 
     def __init__(
@@ -301,7 +301,7 @@ class AimDialog(SettingsDialog):
 
 
 class LineDialog(FieldDialog[str | None]):
-    """Dialog with a field for one line of text. Result: the text, which may be empty, or None."""
+    """Dialog for one line of text, which is the result and may be empty; None: cancelled."""
 
     def __init__(self, title: str, words: str, value: str = "", *, goes_on: bool = False) -> None:
         """Make the dialog.

@@ -1,4 +1,4 @@
-"""Dialogs of a frame's streaks, and of the last measurements, one of which can be rejected."""
+"""Dialogs that list a frame's streaks, and the last measurements to reject one of them."""
 
 import math
 import textwrap
@@ -13,16 +13,16 @@ from textual.widgets import Button, Static
 
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog, PagedDialog, dialog_box
-from rsoconsole.night import LastMeasured, NightFrame, is_of_streak
+from rsoconsole.night import NightFrame, RecentMeasurement, is_measurement_of
 from rsoconsole.records import Detection, Measurement, is_mark_id
 from rsoconsole.words import (
     angle,
-    clock,
     short_figure,
-    size_of,
     streak_name,
     streak_pulse_words,
+    streak_size_words,
     text,
+    utc_text,
 )
 
 COLUMNS = 70
@@ -30,7 +30,6 @@ MARKED = "the frame you marked"
 SAME_STREAK_PX = 25.0
 """A mark and a streak this near, middle to middle in pixels, are the same; or half its length."""
 MAX_REJECTED = 12
-"""Most rejected candidates that are listed, the likeliest first."""
 
 
 class CandidatesDialog(PagedDialog[None]):
@@ -78,9 +77,9 @@ class CandidatesDialog(PagedDialog[None]):
 
 
 def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
-    """Return a frame's streaks in words: for each a line, and its reason where there is one.
+    """Return a frame's streaks as text: a line for each, then its reason if there is one.
 
-    ``tau``: the confidence from which on candidates are detections.
+    ``tau``: lowest confidence that counts as a detection.
     """
     found = detail.detections
     if found is None:
@@ -105,7 +104,9 @@ def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
 def _by_hand(detail: NightFrame) -> list[Measurement]:
     """Return the operator's marks in the frame, each once."""
     found = (
-        m for m in detail.all_measured if m.source == "operator" and is_mark_id(m.measurement_id)
+        m
+        for m in detail.all_measurements
+        if m.source == "operator" and is_mark_id(m.measurement_id)
     )
     return list({m.measurement_id: m for m in found}.values())
 
@@ -116,18 +117,18 @@ def _sigmas(measured: Measurement) -> str:
 
 
 def detection_outcome(streak: Detection, detail: NightFrame) -> tuple[str, str]:
-    """Return a detection's outcome and its reason, as ("not taken", why) or ("followed", NIS)."""
-    followed = detail.followed
+    """Return a detection's (outcome, reason), such as ("not taken", why) or ("followed", NIS)."""
+    followed = detail.accepted_measurement
     if followed is not None and is_mark_id(followed.measurement_id):
         if _is_same(streak, followed, detail):
             return "set aside", "your mark in its place is followed"
-    elif is_of_streak(streak, followed):
+    elif is_measurement_of(streak, followed):
         nis = detail.updated.nis if detail.updated is not None else None
         return "followed", "" if nis is None else f"NIS {nis:.1f}"
     for refused in detail.not_followed:
-        if is_of_streak(streak, refused.measurement):
+        if is_measurement_of(streak, refused.measurement):
             return "not taken", text(refused.reason)
-    if any(is_of_streak(streak, m) for m in detail.measurements):
+    if any(is_measurement_of(streak, m) for m in detail.measurements):
         return "measured", ""
     return "not measured", "the frame has no place on the sky"
 
@@ -144,7 +145,7 @@ def _is_same(streak: Detection, mark: Measurement, detail: NightFrame) -> bool:
 
 
 def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
-    size = size_of(streak) if streak.length_px else ""
+    size = streak_size_words(streak) if streak.length_px else ""
     place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
     confidence = short_figure(streak.confidence)
@@ -160,12 +161,12 @@ def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
 SOURCES = {"network": "detector", "operator": "by hand"}
 
 
-def measured_words(each: LastMeasured) -> str:
+def measurement_words(each: RecentMeasurement) -> str:
     """Return a measurement in words: frame, time, source, sigma, NIS."""
     sigma = f"±{angle(each.sigma_arcsec)}"
     nis = "" if each.nis is None else f"NIS {each.nis:.1f}"
     source = SOURCES.get(each.source, each.source)
-    time = clock(each.t_utc_ns)
+    time = utc_text(each.t_utc_ns)
     return f"frame {each.frame_id:04d}  {time}  {source:<8}  {sigma:>7}  {nis}".rstrip()
 
 
@@ -177,7 +178,7 @@ class RejectDialog(Dialog[int | None]):
         Binding("q", "put_away", "Back", show=False),
     ]
 
-    def __init__(self, measured: Sequence[LastMeasured]) -> None:
+    def __init__(self, measured: Sequence[RecentMeasurement]) -> None:
         super().__init__()
         self._measured = measured
 
@@ -189,7 +190,9 @@ class RejectDialog(Dialog[int | None]):
             with Vertical(classes="choices"):
                 for number, each in enumerate(self._measured, start=1):
                     yield Button(
-                        f"{number}  {measured_words(each)}", id=f"measured-{number}", compact=True
+                        f"{number}  {measurement_words(each)}",
+                        id=f"measured-{number}",
+                        compact=True,
                     )
 
     def on_mount(self) -> None:
@@ -197,18 +200,18 @@ class RejectDialog(Dialog[int | None]):
         self.query(Button).first().focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Close with the pressed measurement."""
+        """Close with the frame number of the measurement whose button was pressed."""
         event.stop()
         self._choose(int(str(event.button.id).removeprefix("measured-")))
 
     def on_key(self, event: Key) -> None:
-        """Close with the measurement whose number was typed."""
+        """Close with the frame number of the measurement whose digit was typed."""
         if event.key.isdigit() and 1 <= int(event.key) <= len(self._measured):
             event.stop()
             self._choose(int(event.key))
 
     def action_newest(self) -> None:
-        """Close with the newest measurement; the key is that which opened the dialog."""
+        """Close with the newest measurement; bound to the key that also opens the dialog."""
         self._choose(1)
 
     def _choose(self, number: int) -> None:

@@ -14,8 +14,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Static
 
 UNASKED_DEAF_S = 0.5
-"""Seconds that a dialog that opened by itself takes no answer, and again after each key it drops:
-such keys were meant for the screen below."""
+"""Seconds for which a dialog that opened by itself drops keys, and again after each such key."""
 LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
@@ -58,11 +57,11 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     """Time at which a key was dropped last, monotonic seconds."""
 
     async def on_event(self, event: Event) -> None:
-        """Handle an event; keys are dropped while ``ignores_keys``.
+        """Handle an event; drop keys while ``ignores_keys`` is True.
 
-        Words typed blindly are dropped as a whole: no key right after a dropped one acts. STOP
-        never comes here: the application takes it first. A dialog that was closed before it was
-        drawn is not mounted.
+        Each dropped key prolongs that time, so that a word typed blindly is dropped as a whole.
+        STOP never comes here: the application handles it first. A dialog closed before it was drawn
+        is not mounted.
         """
         if isinstance(event, Mount) and self not in self.app.screen_stack:
             return
@@ -113,14 +112,14 @@ class PagedDialog(Dialog[Result], Generic[Result]):
         raise NotImplementedError
 
     def show(self) -> None:
-        """Draw the present page."""
+        """Draw the page that ``page`` returns."""
         box = self.query_one(VerticalScroll)
         box.border_title, box.border_subtitle, text = self.page()
         self.query_one("#page", Static).update(text)
 
 
 class Tick(Static, can_focus=True):
-    """Line of text with a box to tick, shown by a sign and not by colour alone."""
+    """Check box with a line of text; its state is shown by a sign and not by colour alone."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space,enter", "tick", "Tick")]
 
@@ -130,14 +129,14 @@ class Tick(Static, can_focus=True):
         self.is_on = is_on
 
     def action_tick(self) -> None:
-        """Set or clear the tick."""
+        """Tick or untick the box."""
         if isinstance(self.screen, Dialog) and self.screen.ignores_keys:
             return
         self.is_on = not self.is_on
         self.update(f"[{'x' if self.is_on else ' '}] {self._words}")
 
     def on_click(self) -> None:
-        """Set or clear the tick by the mouse."""
+        """Tick or untick the box by the mouse."""
         self.action_tick()
 
 
@@ -154,10 +153,10 @@ class MessageDialog(Dialog[None]):
             yield Static(self._text, markup=False)
 
     def on_key(self, event: Key) -> None:
-        """Close the dialog: by any key, or by esc and enter alone where no key asked for it.
+        """Close the dialog by any key; by esc or enter alone if no key had opened the dialog.
 
-        In a dialog that no key asked for, the first letter of a word must not close it: the letters
-        behind would act. STOP's keys never come here.
+        Without that exception the first letter of a word typed blindly would close it, and the
+        letters after it would act on the screen below. STOP's keys never come here.
         """
         event.stop()
         event.prevent_default()
@@ -273,7 +272,7 @@ class ConfirmDialog(Dialog[bool | None]):
 
 
 class LeaveDialog(Dialog[LeaveChoice | None]):
-    """Dialog that asks, when the console is left, whether the engine is to keep running."""
+    """Dialog that asks an operator who leaves whether to keep the engine running."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("l", "choose('leave')", "Leave it running"),
@@ -315,5 +314,5 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
         self.dismiss(next(each for each in self.CHOICES if each == event.button.name))
 
     def action_choose(self, choice: LeaveChoice) -> None:
-        """Close with the choice of a letter."""
+        """Close with the choice whose letter was typed."""
         self.dismiss(choice)

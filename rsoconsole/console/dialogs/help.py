@@ -37,10 +37,10 @@ Time line  the night from its first record to its last; its words are states,
 def help_text(
     keymap: Mapping[str, str] | None = None, mode: Mode = "live", place: Place = "live"
 ) -> str:
-    """Return the help's first page: keys of this moment, every command by group, the signs.
+    """Return the help's first page: the keys that work now, every command by group, the signs.
 
-    ``keymap``: other keys for commands.
-    ``mode``: what the keys mean at this moment.
+    ``keymap``: keys that replace the default ones, by the command's name.
+    ``mode``: what the keys mean now.
     ``place``: the live screen or a review.
     """
     lines: list[str] = []
@@ -112,11 +112,11 @@ class HelpDialog(PagedDialog[str | None]):
         self.query_one(VerticalScroll).scroll_home(animate=False, immediate=True)
 
     def action_scroll(self, by: int) -> None:
-        """Scroll by a number of lines, below 0 up."""
+        """Scroll down by ``by`` lines; a negative number scrolls up."""
         self.query_one(VerticalScroll).scroll_relative(y=by, animate=False)
 
     def action_page(self, by: int) -> None:
-        """Scroll by a number of pages, below 0 up."""
+        """Scroll down by ``by`` pages; a negative number scrolls up."""
         box = self.query_one(VerticalScroll)
         box.scroll_relative(y=by * max(box.size.height - 1, 1), animate=False)
 

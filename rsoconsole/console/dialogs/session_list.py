@@ -9,13 +9,13 @@ from typing import Literal
 from textual.widgets import Input
 
 from rsoconsole.base import SessionError
-from rsoconsole.config import home_path
+from rsoconsole.config import expand_home
 from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.drawing.plot import Ink
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.control import one_line
-from rsoconsole.session import DATABASE, SessionSummary, folders_in, last_write_utc_ns, summarise
-from rsoconsole.words import clock, duration_words, file_size
+from rsoconsole.session import DATABASE, SessionSummary, last_write_utc_ns, paths_in, summarise
+from rsoconsole.words import duration_words, file_size, utc_text
 
 BRANCHES = "branches"
 MIN_NAME_COLUMNS = 20
@@ -37,7 +37,7 @@ class SessionEntry:
 
     @property
     def name(self) -> str:
-        """The folder's name, as it is shown."""
+        """The folder's name without control characters, for display."""
         return one_line(self.folder.name)
 
     def has(self, words: str) -> bool:
@@ -53,7 +53,7 @@ def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
     No session is opened. ``present``: the session shown now, listed wherever it lies. Raises
     SessionError when ``root`` cannot be read.
     """
-    folders = [path for path in folders_in(root) if (path / DATABASE).exists()]
+    folders = [path for path in paths_in(root) if (path / DATABASE).exists()]
     if present is not None and present.parent.name == BRANCHES:
         present = present.parent.parent
     if present is not None and not any(_is_same(present, folder) for folder in folders):
@@ -62,8 +62,8 @@ def sessions_under(root: Path, present: Path | None) -> list[SessionEntry]:
     return [entry for folder in newest for entry in _with_branches(folder)]
 
 
-def with_summary(entry: SessionEntry) -> SessionEntry:
-    """Return the entry with its session's summary; a damaged session's state is "damaged"."""
+def add_summary(entry: SessionEntry) -> SessionEntry:
+    """Return the entry with its session's summary and state ("damaged": unreadable)."""
     summary = summarise(entry.folder)
     state: State = "damaged" if summary.state == "unreadable" else summary.state
     return replace(entry, summary=summary, state=state)
@@ -106,7 +106,7 @@ def _facts(entry: SessionEntry) -> tuple[str, ...]:
     if summary.fault is not None:
         return ("", "", "", file_size(summary.size_bytes), entry.state)
     first, length_s = summary.t_first_utc_ns, summary.duration_s
-    when = "" if not first else clock(first, "dated minute", "")
+    when = "" if not first else utc_text(first, "dated minute", "")
     length = "" if length_s is None else duration_words(length_s)
     return (when, length, f"{summary.frames}", file_size(summary.size_bytes), entry.state)
 
@@ -138,8 +138,8 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         """End the search for sessions."""
         self._is_over = True
 
-    def look(self) -> None:
-        """Find the sessions' names first, then their summaries; runs on a thread."""
+    def load_rows(self) -> None:
+        """List the sessions by name, then read their summaries one by one; runs on a thread."""
         try:
             entries = sessions_under(self._root, self._present)
         except SessionError as error:
@@ -149,7 +149,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         for entry in entries:
             if self._is_over:
                 return
-            call_between_messages(self, self._update_entry, with_summary(entry))
+            call_between_messages(self, self._update_entry, add_summary(entry))
 
     def _list_entries(self, entries: list[SessionEntry], fault: str = "") -> None:
         """Show the sessions' names, or why they cannot be found; the present one is chosen."""
@@ -166,34 +166,34 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
         self.show()
 
     @property
-    def shown(self) -> list[SessionEntry]:
+    def matching_rows(self) -> list[SessionEntry]:
         """The sessions that match the typed words."""
         words = self.query_one(Input).value
         return [entry for entry in self._entries or [] if entry.has(words)]
 
-    def result_of(self, row: SessionEntry) -> Path:
+    def row_result(self, row: SessionEntry) -> Path:
         """Return the session's folder."""
         return row.folder
 
-    def take_typed(self, typed: str) -> None:
+    def handle_typed_text(self, typed: str) -> None:
         """Close with the typed path, if it is a session's folder."""
         with contextlib.suppress(ValueError, OSError):  # nobody's home, a name too long
-            path = home_path(typed.strip())
+            path = expand_home(typed.strip())
             if typed.strip() and (path / DATABASE).is_file():
                 self.dismiss(path)
                 return
-        super().take_typed(typed)
+        super().handle_typed_text(typed)
 
-    def take_click(self, number: int) -> None:
+    def handle_row_click(self, number: int) -> None:
         """Choose the clicked row; if it is chosen already, open its session."""
-        if number >= len(self.shown):
+        if number >= len(self.matching_rows):
             return
         if number == self._at:
-            self.dismiss(self.shown[number].folder)
+            self.dismiss(self.matching_rows[number].folder)
         else:
             self.choose(number)
 
-    def head(self, width: int) -> str:
+    def header_line(self, width: int) -> str:
         """Return the heads of the columns, or why no session is listed."""
         if self._entries is None:
             return f" looking into {self._root} …"
@@ -201,7 +201,7 @@ class SessionListDialog(ListDialog[Path | None, SessionEntry]):
             return f" {self._fault}"
         if not self._entries:
             return f" no session lies in {self._root}: type a path, or try 'rsoconsole demo'"
-        if not self.shown:
+        if not self.matching_rows:
             return " no name has that: enter opens it as a path"
         columns = _columns(width)
         return f"  {'session':<{columns[0]}} {_cells(HEADS, columns)}"

@@ -13,7 +13,6 @@ from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.night import NightView
 
 SEEN = "tour-seen"
-"""Name of the file in the user's state folder that marks the tour as shown."""
 
 
 class TourMemory:

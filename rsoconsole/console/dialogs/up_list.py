@@ -14,7 +14,7 @@ from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
 from rsoconsole.console.drawing.plot import Ink
 from rsoconsole.console.watches.messages import call_between_messages
-from rsoconsole.words import clock, duration_words
+from rsoconsole.words import duration_words, utc_text
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import VisibleSatellite
@@ -48,9 +48,9 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         self._fault = ""
         self._order: Order = "altitude"
 
-    def look(self) -> None:
-        """Compute the list, which takes a second for large catalogues; runs on a thread."""
-        from rsoconsole.pipeline import read_catalogue, visible_now
+    def load_rows(self) -> None:
+        """Compute the list on a thread of its own; large catalogues take a second."""
+        from rsoconsole.pipeline import read_catalogue, visible_satellites
 
         while (config := self._config()) is None:
             time.sleep(UNREAD_CHECK_S)
@@ -67,7 +67,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         found: tuple[VisibleSatellite, ...] = ()
         fault = ""
         try:
-            found = visible_now(read_catalogue(files), site, t_utc_ns, limits)
+            found = visible_satellites(read_catalogue(files), site, t_utc_ns, limits)
         except RsoconsoleError as error:
             fault = str(error)
         except Exception:  # whatever it is, nobody waits for ever for the list
@@ -82,7 +82,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         self.show()
 
     @property
-    def shown(self) -> "list[VisibleSatellite]":
+    def matching_rows(self) -> "list[VisibleSatellite]":
         """The satellites that match the typed words, in the chosen order."""
         words = self.query_one(Input).value.lower().split()
         left = [
@@ -96,22 +96,22 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
             return sorted(left, key=lambda up: (up.minutes_left is None, up.minutes_left or 0.0))
         return left
 
-    def result_of(self, row: "VisibleSatellite") -> str:
+    def row_result(self, row: "VisibleSatellite") -> str:
         """Return the satellite's catalogue number as text."""
         return str(row.norad_id)
 
     def action_sort(self) -> None:
-        """Sort by the next order: altitude, time until setting, name."""
+        """Sort by the next of three orders: altitude, time left above the limit, name."""
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
         self.show()
 
-    def head(self, width: int) -> str:  # noqa: ARG002 -- the same however wide
-        """Return how many satellites are listed and when, or why there is no list."""
+    def header_line(self, width: int) -> str:  # noqa: ARG002 -- the same however wide
+        """Return the number of listed satellites and the list's time, or why there is none."""
         if self._found is None:
             return "computing …"
         return self._fault or (
-            f"{len(self.shown)} of {len(self._found)} above {self._limit_deg:g}°"
-            f" at {clock(self._t_utc_ns)}, by {self._order}"
+            f"{len(self.matching_rows)} of {len(self._found)} above {self._limit_deg:g}°"
+            f" at {utc_text(self._t_utc_ns)}, by {self._order}"
         )
 
     def row_words(self, row: "VisibleSatellite", width: int) -> tuple[str, Ink]:  # noqa: ARG002

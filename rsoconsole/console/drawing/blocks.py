@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.console.drawing.plot import joined
+from rsoconsole.console.drawing.plot import join_cells_by_key
 
 ByteImage = npt.NDArray[np.uint8]
 Name = Literal["half-blocks", "quadrants", "sextants", "octants"]
@@ -26,7 +26,7 @@ LOWER_HALF = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blocks:
+class BlockSet:
     """A set of block characters, each a cell of ``across`` x ``down`` parts."""
 
     name: Name
@@ -70,17 +70,17 @@ def _in_order(count: int, known: dict[int, str], first: int) -> str:
     return "".join(known.get(pattern) or chr(next(codes)) for pattern in range(count))
 
 
-HALF_BLOCKS = Blocks(name="half-blocks", across=1, down=2, glyphs=" ▀▄█")
-QUADRANTS = Blocks(name="quadrants", across=2, down=2, glyphs=_QUADRANTS)
-SEXTANTS = Blocks(name="sextants", across=2, down=3, glyphs=_in_order(64, _SEXTANTS, 0x1FB00))
-OCTANTS = Blocks(name="octants", across=2, down=4, glyphs=_octant_glyphs())
-BY_NAME: dict[str, Blocks] = {
+HALF_BLOCKS = BlockSet(name="half-blocks", across=1, down=2, glyphs=" ▀▄█")
+QUADRANTS = BlockSet(name="quadrants", across=2, down=2, glyphs=_QUADRANTS)
+SEXTANTS = BlockSet(name="sextants", across=2, down=3, glyphs=_in_order(64, _SEXTANTS, 0x1FB00))
+OCTANTS = BlockSet(name="octants", across=2, down=4, glyphs=_octant_glyphs())
+BY_NAME: dict[str, BlockSet] = {
     each.name: each for each in (HALF_BLOCKS, QUADRANTS, SEXTANTS, OCTANTS)
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cells:
+class FittedCells:
     """A picture fitted into cells: a pattern and two greys in each. Arrays: (rows, columns)."""
 
     pattern: npt.NDArray[np.intp]
@@ -91,7 +91,7 @@ class Cells:
     """Grey behind text over a cell: light that fills only a part of the cell still shows."""
 
 
-def fit_to_cells(greys: ByteImage, blocks: Blocks) -> Cells:
+def fit_to_cells(greys: ByteImage, blocks: BlockSet) -> FittedCells:
     """Fit two greys and a pattern to the parts of each cell by least squares.
 
     ``greys``: (rows * down, columns * across), a grey for each part. The best two groups of a
@@ -122,7 +122,7 @@ def fit_to_cells(greys: ByteImage, blocks: Blocks) -> Cells:
     bright, dark = np.where(is_flat, mean, bright), np.where(is_flat, mean, dark)
     pattern = is_bright @ (1 << np.arange(n))
     shape = rows, columns
-    return Cells(
+    return FittedCells(
         pattern=np.where(is_flat, 0, pattern).reshape(shape),
         bright=np.rint(bright).astype(np.uint8).reshape(shape),
         dark=np.rint(dark).astype(np.uint8).reshape(shape),
@@ -136,14 +136,16 @@ RunKey = tuple[int, int] | tuple[str, int]
 """Colours of a run: (grey drawn, grey behind), or for text (kind of mark, grey behind)."""
 
 
-def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[str, RunKey]]:
+def row_runs(
+    cells: FittedCells, blocks: BlockSet, marks: Written, row: int
+) -> list[tuple[str, RunKey]]:
     """Return one row of a picture as runs of (text, colours), with few changes of colour.
 
-    ``marks``: text over the picture. Half blocks are always the upper one: letters replace them
-    where a terminal has no others.
+    ``marks``: text over the picture. Half blocks are always drawn as the upper one, which the ASCII
+    form of the screen replaces by letters.
     """
     if blocks is HALF_BLOCKS:
-        return joined(_halves(cells, marks, row))
+        return join_cells_by_key(_halves(cells, marks, row))
     patterns, brights = cells.pattern[row].tolist(), cells.bright[row].tolist()
     darks, behinds = cells.dark[row].tolist(), cells.behind[row].tolist()
     glyphs, inverse = blocks.glyphs, len(blocks.glyphs) - 1
@@ -184,10 +186,10 @@ def runs(cells: Cells, blocks: Blocks, marks: Written, row: int) -> list[tuple[s
             front, back = bright, dark
             text.append(glyphs[pattern])
     close()
-    return joined(done)
+    return join_cells_by_key(done)
 
 
-def _halves(cells: Cells, marks: Written, row: int) -> list[tuple[str, RunKey]]:
+def _halves(cells: FittedCells, marks: Written, row: int) -> list[tuple[str, RunKey]]:
     parts: list[tuple[str, RunKey]] = []
     for column, pattern in enumerate(cells.pattern[row].tolist()):
         at = column, row

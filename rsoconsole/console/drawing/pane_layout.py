@@ -27,7 +27,6 @@ WIDE_BANNER_COLUMNS = 72
 
 MAX_ALERT_ROWS = 2
 MIN_LOG_ROWS = 2
-"""Least rows of the log beside plots and orbit."""
 
 Name = Literal[
     "top",
@@ -281,7 +280,7 @@ SUMMARY_ROWS = 2
 SheetPart = Literal["status", "alert", "picture", "panel", "keys"]
 
 
-def sheet_boxes(
+def frame_screen_boxes(
     width: int,
     height: int,
     *,

@@ -28,7 +28,6 @@ SPELLED = {"±": "+-", "°": "deg", "σ": "sig", "τ": "tau", "α": "RA", "δ": 
 """Signs that ASCII spells out, since a single letter would mean something else."""
 _WIDE_GAP = {n: re.compile(f" {{{n + 1},}}|─{{{n + 2},}}") for n in (1, 2)}
 _RAMP = " .:-=+*#%@"
-"""Characters from dark to bright that stand for the squares of a picture."""
 _BRAILLE = range(0x2800, 0x2900)
 _FAT = (0x01 | 0x08, 0x02 | 0x10, 0x04 | 0x20, 0x40 | 0x80)
 """Pairs of braille dots side by side: a fat dot, or the part of it in one cell."""
@@ -36,8 +35,8 @@ _UPPER_DOTS = 0x01 | 0x02 | 0x08 | 0x10
 HALF_BLOCK = "▀"
 
 
-def plain(text: str) -> str:
-    """Return the text in ASCII, a character for each character."""
+def to_ascii(text: str) -> str:
+    """Return the text in ASCII, each character replaced by exactly one."""
     return "".join(c if c.isascii() else _one(c) for c in text.translate(_SIGNS))
 
 
@@ -75,7 +74,7 @@ def spell_out_signs(texts: Sequence[str]) -> list[str]:
             continue
         gap = _gap(cells, at, len(words) - 1)
         if gap is None:
-            cells[at] = plain(sign), owner
+            cells[at] = to_ascii(sign), owner
             at += 1
             continue
         cells[at : at + 1] = [(letter, owner) for letter in words]
@@ -85,7 +84,7 @@ def spell_out_signs(texts: Sequence[str]) -> list[str]:
     made = [""] * len(texts)
     for letter, owner in cells:
         made[owner] += letter
-    return [plain(text) for text in made]
+    return [to_ascii(text) for text in made]
 
 
 def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
@@ -102,7 +101,7 @@ def _gap(cells: Sequence[tuple[str, int]], at: int, wanted: int) -> int | None:
     return earlier[-1].start() + 1 if earlier else None
 
 
-class PlainFilter(LineFilter):
+class AsciiFilter(LineFilter):
     """Turns every line into ASCII; squares of pictures become characters by their brightness."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
@@ -128,7 +127,7 @@ class PlainFilter(LineFilter):
             light = (_light(style.color) + _light(style.bgcolor)) / 2.0
             sign = _RAMP[min(int(light * len(_RAMP)), len(_RAMP) - 1)]
             return Segment(sign * len(text), style, control)
-        return Segment(plain(text), style, control)
+        return Segment(to_ascii(text), style, control)
 
 
 def _light(colour: RichColor | None) -> float:
@@ -151,12 +150,12 @@ _CURSOR = re.compile(r"\x1b\[\d+;\d+H")
 
 
 def without_terminal_commands(text: str) -> str:
-    """Return the text with control characters replaced by blanks, as wide as before."""
+    """Return the text with each control character replaced by one blank."""
     return _COMMANDS.sub(lambda found: " " * cell_len(found.group()), text)
 
 
-class CleanFilter(LineFilter):
-    """Removes control characters from every line; a segment that is a command as a whole stays."""
+class ControlCharacterFilter(LineFilter):
+    """Filter that removes control characters from lines, except from terminal commands."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
         """Return one line without control characters."""

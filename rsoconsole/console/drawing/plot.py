@@ -27,15 +27,15 @@ _RIGHT = (0x08, 0x10, 0x20, 0x80)
 _RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "title": 0, "here": 0}
 
 
-def joined(cells: Iterable[tuple[str, Key]]) -> list[tuple[str, Key]]:
-    """Join neighbouring (text, key) cells of the same key, such as an ink."""
+def join_cells_by_key(cells: Iterable[tuple[str, Key]]) -> list[tuple[str, Key]]:
+    """Join neighbouring (text, key) cells that have the same key, such as the same ink."""
     groups = groupby(cells, key=lambda cell: cell[1])
     return [("".join(text for text, _ in group), key) for key, group in groups]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """One exposure's content of a plot."""
+class PlotColumn:
+    """Values of one exposure in a plot."""
 
     value: float | None = None
     bound: float | None = None
@@ -58,11 +58,11 @@ class Canvas:
     _inks: dict[tuple[int, int], Ink] = field(default_factory=dict)
     _glyphs: dict[tuple[int, int], str] = field(default_factory=dict)
 
-    def point(self, column: int, value: float, ink: Ink) -> None:
+    def draw_point(self, column: int, value: float, ink: Ink) -> None:
         """Draw a value as a fat dot; beyond the axis as an arrow in the outermost row."""
         if not self.low <= value <= self.high:
             row = 0 if value > self.high else self.rows - 1
-            self.glyph(column, row, "▲" if value > self.high else "▼", ink)
+            self.draw_sign(column, row, "▲" if value > self.high else "▼", ink)
             return
         top = min(max(round(self._level(value) - 0.5), 0), 4 * self.rows - 2)
         for level in (top, top + 1):
@@ -74,7 +74,7 @@ class Canvas:
         level = min(max(round(self._level(clipped)), 0), 4 * self.rows - 1)
         self._dot(column, level, _LEFT[level % 4], "dim")
 
-    def glyph(self, column: int, row: int, text: str, ink: Ink) -> None:
+    def draw_sign(self, column: int, row: int, text: str, ink: Ink) -> None:
         """Write a sign into a cell."""
         self._glyphs[column, row] = text
         self._inks[column, row] = ink
@@ -85,7 +85,7 @@ class Canvas:
 
     def line(self, row: int) -> Line:
         """Return one row of cells as runs of one ink."""
-        return joined(self._cell((column, row)) for column in range(self.columns))
+        return join_cells_by_key(self._cell((column, row)) for column in range(self.columns))
 
     def _cell(self, at: tuple[int, int]) -> tuple[str, Ink]:
         dots = self._dots.get(at)
@@ -102,13 +102,13 @@ class Canvas:
             self._inks[at] = ink
 
 
-def residual_plot(columns: Sequence[Column], width: int, rows: int) -> list[Line]:
+def residual_plot(columns: Sequence[PlotColumn], width: int, rows: int) -> list[Line]:
     """Plot residuals as fat dots within their bounds, on an axis symmetric about 0.
 
     Exposures without a value show their sign at 0. ``width``: columns, the axis included.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
-    limit = residual_limit(shown)
+    limit = residual_axis_limit(shown)
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, -limit, limit)
     _draw_residuals(canvas, shown, has_bounds=True)
     labels = {0: _figure(limit), rows - 1: _figure(-limit)}
@@ -117,7 +117,7 @@ def residual_plot(columns: Sequence[Column], width: int, rows: int) -> list[Line
     return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
 
 
-def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int) -> list[Line]:
+def confidence_plot(columns: Sequence[PlotColumn], tau: float, width: int, rows: int) -> list[Line]:
     """Plot confidences between 0 and 1 as fat dots, tau as a line, misses as signs at 0.
 
     ``width``: columns, the axis included.
@@ -134,7 +134,7 @@ def confidence_plot(columns: Sequence[Column], tau: float, width: int, rows: int
 
 
 def nis_plot(
-    columns: Sequence[Column], band: tuple[float, float], width: int, rows: int
+    columns: Sequence[PlotColumn], band: tuple[float, float], width: int, rows: int
 ) -> list[Line]:
     """Plot NIS as fat dots on an axis from 0, the bounds of ``band`` as lines.
 
@@ -148,9 +148,9 @@ def nis_plot(
     for at, _, what in _placed(canvas, shown):
         if what.value is not None:
             is_inside = band[0] <= what.value <= band[1]
-            canvas.point(at, what.value, "good" if is_inside else "alarm")
+            canvas.draw_point(at, what.value, "good" if is_inside else "alarm")
         elif what.mark:
-            canvas.glyph(at, rows - 1, what.mark, "warn")
+            canvas.draw_sign(at, rows - 1, what.mark, "warn")
     labels = {0: _figure(round(canvas.high)), rows - 1: "0"}
     if rows > 3:
         labels.setdefault(canvas.row_of(band[1]), _figure(band[1]))
@@ -160,8 +160,8 @@ def nis_plot(
 def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Line]:
     """Plot values as fat dots on an axis between their extremes; None leaves a gap.
 
-    The axis leaves out the outermost fortieth on each side: an arrow stands for a value beyond it.
-    ``width``: columns, the axis included.
+    With 40 values or more, the highest and the lowest fortieth do not set the axis; a value beyond
+    it is drawn as an arrow. ``width``: columns, including those of the axis.
     """
     shown = list(values)[-max(width - AXIS_COLUMNS, 0) :]
     known = sorted(value for value in shown if value is not None)
@@ -173,24 +173,24 @@ def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Li
     if high - low < least:
         low, high = low - 0.5 * least, high + 0.5 * least
     canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, low, high)
-    columns = [Column(value=value) for value in shown]
+    columns = [PlotColumn(value=value) for value in shown]
     for at, _, what in _placed(canvas, columns):
         if what.value is not None:
-            canvas.point(at, what.value, "good")
+            canvas.draw_point(at, what.value, "good")
     labels = {0: _figure(high), rows - 1: _figure(low)} if rows > 1 else {}
     return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
 
 
-def residual_strip(columns: Sequence[Column], width: int) -> Line:
+def residual_strip(columns: Sequence[PlotColumn], width: int) -> Line:
     """Plot residuals in one row, without bounds and axis."""
     shown = list(columns)[-max(width, 0) :]
-    limit = residual_limit(shown)
+    limit = residual_axis_limit(shown)
     canvas = Canvas(max(width, 0), 1, -limit, limit)
     _draw_residuals(canvas, shown, has_bounds=False)
     return canvas.line(0)
 
 
-def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
+def confidence_strip(columns: Sequence[PlotColumn], tau: float, width: int) -> Line:
     """Plot confidences in one row, without an axis."""
     shown = list(columns)[-max(width, 0) :]
     canvas = Canvas(max(width, 0), 1, 0.0, 1.0)
@@ -198,12 +198,12 @@ def confidence_strip(columns: Sequence[Column], tau: float, width: int) -> Line:
     return canvas.line(0)
 
 
-def residual_limit(columns: Sequence[Column]) -> float:
-    """Return half the height of the residuals' axis, a round number that most values fit into.
+def residual_axis_limit(columns: Sequence[PlotColumn]) -> float:
+    """Return the upper end of the residuals' symmetric axis, a round number.
 
-    The median bound counts: bounds just after a miss are many times as wide, and an axis for them
-    would put all residuals on zero. A residual far beyond nearly all others does not count either
-    and is drawn as an arrow. Bounds of coasted frames count only where there is nothing else.
+    It is set by the median bound, because bounds just after a miss are many times as wide and would
+    flatten all residuals. Residuals far beyond nearly all others are left out and drawn as arrows.
+    Bounds of coasted frames are used only where there are no measured values.
     """
     measured = [c for c in columns if c.value is not None]
     values = [abs(c.value) for c in measured if c.value is not None]
@@ -225,13 +225,13 @@ def _without_strays(values: list[float], usual: list[float]) -> list[float]:
 
 
 def sparkline(values: Sequence[float | None], high: float, width: int) -> str:
-    """Return an eighth block for each value, its height by value over ``high``; None: a blank."""
+    """Return a bar for each value in eighths of a row, full at ``high``; a blank for None."""
     blocks = "▁▂▃▄▅▆▇█"
     shown = list(values)[-max(width, 0) :]
     return "".join(" " if v is None else blocks[min(max(int(v / high * 8), 0), 7)] for v in shown)
 
 
-def _draw_residuals(canvas: Canvas, shown: Sequence[Column], *, has_bounds: bool) -> None:
+def _draw_residuals(canvas: Canvas, shown: Sequence[PlotColumn], *, has_bounds: bool) -> None:
     for at, cells, what in _placed(canvas, shown):
         if what.bound is not None and has_bounds:
             for column in range(at, at + cells):
@@ -239,32 +239,32 @@ def _draw_residuals(canvas: Canvas, shown: Sequence[Column], *, has_bounds: bool
                 canvas.draw_line_dot(column, -what.bound)
         if what.value is not None:
             is_outside = what.bound is not None and abs(what.value) > what.bound
-            canvas.point(at, what.value, "alarm" if is_outside else "good")
+            canvas.draw_point(at, what.value, "alarm" if is_outside else "good")
         elif what.mark:
-            canvas.glyph(at, canvas.rows // 2, what.mark, "warn")
+            canvas.draw_sign(at, canvas.rows // 2, what.mark, "warn")
 
 
-def _draw_confidences(canvas: Canvas, shown: Sequence[Column], tau: float) -> None:
+def _draw_confidences(canvas: Canvas, shown: Sequence[PlotColumn], tau: float) -> None:
     for at, _, what in _placed(canvas, shown):
         if what.value is not None:
-            canvas.point(at, min(what.value, 1.0), "good" if what.value >= tau else "warn")
+            canvas.draw_point(at, min(what.value, 1.0), "good" if what.value >= tau else "warn")
         if what.mark:
-            canvas.glyph(at, canvas.rows - 1, what.mark, "warn")
+            canvas.draw_sign(at, canvas.rows - 1, what.mark, "warn")
         if what.refused is not None:
             row = canvas.row_of(what.refused)
             if row < canvas.rows - 1 or not what.mark:
-                canvas.glyph(at, row, REFUSED, "warn")
+                canvas.draw_sign(at, row, REFUSED, "warn")
 
 
-def _placed(canvas: Canvas, shown: Sequence[Column]) -> list[tuple[int, int, Column]]:
+def _placed(canvas: Canvas, shown: Sequence[PlotColumn]) -> list[tuple[int, int, PlotColumn]]:
     """Return (column, cells to the next, exposure) of each; few exposures are spread out."""
-    cells = cells_a_frame(canvas.columns, len(shown))
+    cells = cells_per_frame(canvas.columns, len(shown))
     start = canvas.columns - len(shown) * cells
     return [(start + n * cells, cells, what) for n, what in enumerate(shown)]
 
 
-def cells_a_frame(columns: int, frames: int) -> int:
-    """Return how many cells each frame takes in a plot of that many columns and frames."""
+def cells_per_frame(columns: int, frames: int) -> int:
+    """Return the number of cells for each of ``frames`` frames in ``columns`` cells."""
     return max(1, min(MAX_SPREAD, columns // max(frames, 1)))
 
 

@@ -1,7 +1,7 @@
-"""Asks the terminal what it can draw: one round trip, before the console draws.
+"""Query of the terminal's abilities: one round trip, before the console draws.
 
-Every terminal answers the last question. Once that answer is there, missing answers will not come,
-and nothing arrives later that could be taken for a key.
+The last question is one that every terminal answers. Once that answer has come, no other answer can
+arrive later and be taken for a key.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing import blocks
-from rsoconsole.console.drawing.blocks import Blocks
+from rsoconsole.console.drawing.blocks import BlockSet
 
 PATIENCE_S = 1.5
 """Most seconds for a round trip over a slow line; a terminal that never answers costs as much."""
@@ -55,7 +55,7 @@ _BY_TYPE = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TerminalAnswer:
-    """What a terminal says about itself; the defaults stand for no answer."""
+    """What a terminal reports about itself; the defaults mean that it did not answer."""
 
     name: str = ""
     """The terminal's program in small letters; empty where the terminal does not say."""
@@ -65,7 +65,7 @@ class TerminalAnswer:
 
 
 def query_terminal(environment: Mapping[str, str] = os.environ) -> TerminalAnswer:
-    """Ask the terminal and wait for its answer; without one return the defaults."""
+    """Ask the terminal what it can draw; without an answer return the defaults."""
     kind = environment.get("TERM", "")
     if kind in _SILENT or sys.__stdin__ is None or sys.__stderr__ is None:
         return TerminalAnswer()
@@ -92,7 +92,9 @@ def parse_answer(answer: str, kind: str) -> TerminalAnswer:
     )
 
 
-def blocks_of(terminal: TerminalAnswer, environment: Mapping[str, str] = os.environ) -> Blocks:
+def finest_blocks(
+    terminal: TerminalAnswer, environment: Mapping[str, str] = os.environ
+) -> BlockSet:
     """Return the finest block characters that this terminal surely draws."""
     if environment.get("TERM", "") in _SILENT:
         return blocks.HALF_BLOCKS

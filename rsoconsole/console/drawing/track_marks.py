@@ -22,7 +22,7 @@ _LEFT_OUT = 1.5
 
 
 class NumberedTrack(NamedTuple):
-    """A track's number, and the cells of its streak's ends or (both) of its predicted place."""
+    """Track's number, and the cells of its streak's ends, or twice of its predicted place."""
 
     text: str
     left: Cell
@@ -30,7 +30,7 @@ class NumberedTrack(NamedTuple):
     kind: str
 
 
-def placed_numbers(
+def place_track_numbers(
     numbered: Sequence[NumberedTrack],
     size: tuple[int, int],
     taken: Mapping[Cell, object],

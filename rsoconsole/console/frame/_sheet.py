@@ -14,7 +14,7 @@ from rsoconsole.records import MapMode, Solution
 from rsoconsole.words import direction
 
 if TYPE_CHECKING:
-    from rsoconsole.console.picture.sheet_pixels import SheetPixels
+    from rsoconsole.console.picture.sheet_pixels import FramePixelPyramid
     from rsoconsole.pipeline import ComparedCandidate
     from rsoconsole.vision import FrameMap
 
@@ -27,7 +27,7 @@ class FrameScreenState:
 
     frame_id: int
     opened: FrameOpened | None = None
-    pixels: "SheetPixels | None" = None
+    pixels: "FramePixelPyramid | None" = None
     done: FrameProcessed | None = None
     fault: str = ""
     """Reason why the frame's pixels cannot be shown; empty: none."""
@@ -57,19 +57,19 @@ class FrameScreenState:
 
     @property
     def are_marks_shown(self) -> bool:
-        """True where the marks are drawn; while a mark is made they are hidden unless asked for."""
+        """True where the marks are drawn; during a mark by hand they are hidden by default."""
         return self.has_marks and (not self.is_marking or self.shows_beside_mark)
 
     @property
-    def end_words(self) -> str:
-        """Which end of the mark is to be set next, in words; empty: no mark is being made."""
+    def next_end_words(self) -> str:
+        """The end of a mark by hand that is to be set next, in words; empty: no mark."""
         if not self.is_marking:
             return ""
         return f"mark the {'first' if self.first_px is None else 'second'} end"
 
     @property
     def recorded_tau(self) -> float | None:
-        """The tau that was in force for the frame; None until the record is read."""
+        """The tau with which the frame was processed; None until the record is read."""
         return None if self.opened is None else self.opened.recorded.config.detector.tau
 
     @property
@@ -78,7 +78,7 @@ class FrameScreenState:
         before = self.recorded_tau
         if before is None or not self.tau_steps:
             return before
-        return float(TAU.stepped(before, self.tau_steps))
+        return float(TAU.step_value(before, self.tau_steps))
 
     @property
     def recorded_mode(self) -> MapMode | None:
@@ -87,7 +87,7 @@ class FrameScreenState:
 
     @property
     def candidates(self) -> "tuple[ComparedCandidate, ...]":
-        """Candidates as recorded and as processed now; before that, as recorded alone."""
+        """Candidates as recorded, compared with those of the new processing once it is done."""
         if self.done is not None:
             return self.done.result.candidates
         return self.opened.candidates if self.opened is not None else ()
@@ -101,7 +101,7 @@ class FrameScreenState:
 
     @property
     def solution(self) -> Solution | None:
-        """The plate solution that positions are read with; None: the frame is not solved."""
+        """The plate solution for reading positions in the frame; None: the frame is not solved."""
         found = None
         if self.done is not None and self.done.result.is_solved_again:
             found = self.done.result.now.solution
@@ -121,7 +121,7 @@ class FrameScreenState:
 
 def title_parts(sheet: FrameScreenState) -> list[str]:
     """Return the parts of the picture's title: frame, scale, exposure or map, stretch."""
-    parts = [f"frame {sheet.frame_id:04d}", *([sheet.end_words] if sheet.is_marking else [])]
+    parts = [f"frame {sheet.frame_id:04d}", *([sheet.next_end_words] if sheet.is_marking else [])]
     opened = sheet.opened
     if opened is not None and sheet.pixels is None and not sheet.fault:
         seconds = time.monotonic() - sheet.began_s
@@ -138,25 +138,25 @@ def title_parts(sheet: FrameScreenState) -> list[str]:
     return [*parts, sheet.stretch]
 
 
-def step_px(sheet: FrameScreenState) -> float:
-    """Return by how many pixels an arrow key moves the cross."""
+def cross_step_px(sheet: FrameScreenState) -> float:
+    """Return the distance that an arrow key moves the cross, pixels of the frame."""
     squares = STEPS[sheet.step]
     return squares * (1.0 if sheet.view is None else sheet.view.px_per_square)
 
 
 def cross_step_words(sheet: FrameScreenState) -> str:
     """Return the step of an arrow key in words: step 4 squares = 16 px."""
-    squares, px = STEPS[sheet.step], step_px(sheet)
+    squares, px = STEPS[sheet.step], cross_step_px(sheet)
     if squares == px:
         return f"step {px:g} px"
     return f"step {squares} square{'s' if squares > 1 else ''} = {px:.3g} px"
 
 
 def marking_instructions(sheet: FrameScreenState) -> str:
-    """Return in words how to go on with the mark by hand."""
+    """Return the instructions for the next step of a mark by hand."""
     keys = "arrows move ╋ (shift: far), enter sets it"
     kept = f"frame {sheet.frame_id} stays markable meanwhile, for {HELD} frames"
-    return f"{sheet.end_words}: {keys}; {cross_step_words(sheet)}, [ ] changes it; {kept}"
+    return f"{sheet.next_end_words}: {keys}; {cross_step_words(sheet)}, [ ] changes it; {kept}"
 
 
 def scale_words(view: ZoomedFrame) -> str:
@@ -174,14 +174,14 @@ def readout_parts(sheet: FrameScreenState) -> list[str]:
     if view is None or pixels is None:
         return []
     x, y = math.floor(view.x_px + 0.5), math.floor(view.y_px + 0.5)
-    parts = [f"╋ {x},{y}", f"step {step_px(sheet):.3g} px"]
+    parts = [f"╋ {x},{y}", f"step {cross_step_px(sheet):.3g} px"]
     frame_map = sheet.map
     if frame_map is not None and frame_map.mode == "fast":
         from rsoconsole.console.picture.sheet_pixels import map_snr
 
         parts.append(f"{map_snr(frame_map, x, y):.1f}σ")
     else:
-        parts.append(f"{pixels.adu(x, y):g} ADU")
+        parts.append(f"{pixels.pixel_adu(x, y):g} ADU")
     solution = sheet.solution
     if solution is None:
         parts.append("not solved")

@@ -1,4 +1,4 @@
-"""Marks of a frame that is processed again: those of the record and those of now."""
+"""Marks over a frame that is processed again: as recorded, and by the new result."""
 
 import itertools
 import math
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.picture.marks import SHOWN_REJECTED, Mark, mark_of, marks_of
+from rsoconsole.console.picture.marks import SHOWN_REJECTED, Mark, frame_marks, streak_mark
 from rsoconsole.night import NightFrame
 
 if TYPE_CHECKING:
@@ -19,13 +19,11 @@ BEYOND_SQUARES = 2.0
 OUTSIDE_PX = -1e6
 """Place, outside the frame, of a mark that consists of outline points alone."""
 BOX_POINTS = 24
-"""Points along each side of a box."""
 SAME_PLACE_PX = 10.0
-"""Pixels within which two marks count as being at the same place."""
 Box = tuple[float, float, float, float]
 
 
-def sheet_marks(
+def reprocessed_frame_marks(
     detail: NightFrame, candidates: Sequence["ComparedCandidate"], chosen: int | None
 ) -> tuple[Mark, ...]:
     """Return the marks: boxes of the network, recorded marks, and marks of the new processing.
@@ -33,7 +31,7 @@ def sheet_marks(
     New candidates that were rejected are left out, unless they are likely enough to be worth a look
     or chosen. ``chosen``: index among ``candidates``; None: none.
     """
-    then = list(marks_of(detail))
+    then = list(frame_marks(detail))
     now: list[Mark] = []
     for number, pair in enumerate(candidates):
         is_chosen = number == chosen
@@ -42,16 +40,16 @@ def sheet_marks(
             if pair.now.is_taken or is_chosen or streak.confidence >= SHOWN_REJECTED:
                 now.append(_mark_now(pair.now, pair.is_as_recorded))
         elif is_chosen and pair.was is not None:
-            then.append(mark_of(pair.was.detection, "rejected"))
+            then.append(streak_mark(pair.was.detection, "rejected"))
     boxes = (
         Mark(x_px=each.x_px, y_px=each.y_px, kind="box", outline_px=box_points(each.box_px))
-        for each in detail.found
+        for each in detail.detected_streaks
     )
     return (*boxes, *(_making_room(mark, now) for mark in then), *now)
 
 
 def _mark_now(judged: "JudgedCandidate", is_as_recorded: bool) -> Mark:
-    mark = mark_of(judged.detection, "now" if judged.is_taken else "now_rejected")
+    mark = streak_mark(judged.detection, "now" if judged.is_taken else "now_rejected")
     return replace(mark, is_outer=True, label="=" if is_as_recorded else mark.label)
 
 
@@ -64,11 +62,11 @@ def _making_room(mark: Mark, others: list[Mark]) -> Mark:
     return replace(mark, gap=1) if is_within else mark
 
 
-def lead_place(detail: NightFrame) -> tuple[float, float] | None:
-    """Return the lead's place in the frame, pixels: measured, else predicted; None: no lead."""
-    if detail.followed is not None:
-        return detail.followed.x_px, detail.followed.y_px
-    size, marks = detail.detections, marks_of(detail)
+def lead_place_px(detail: NightFrame) -> tuple[float, float] | None:
+    """Return the lead's (x, y), pixels: measured, else predicted; None: not in the frame."""
+    if detail.accepted_measurement is not None:
+        return detail.accepted_measurement.x_px, detail.accepted_measurement.y_px
+    size, marks = detail.detections, frame_marks(detail)
     if size is None:
         return None
     places = (
@@ -79,9 +77,9 @@ def lead_place(detail: NightFrame) -> tuple[float, float] | None:
 
 
 def marks_beyond_streak_ends(marks: Sequence[Mark], px_per_square: float) -> tuple[Mark, ...]:
-    """Return points beyond both ends of every streak, where squares are large; else nothing.
+    """Return a mark of points beyond every streak's ends; empty where squares are small.
 
-    They point at streaks whose own marks are hidden while a mark is made by hand.
+    The points show the streaks while their own marks are hidden during a mark by hand.
     """
     if px_per_square <= FAINT_FROM_PX:
         return ()

@@ -1,7 +1,7 @@
 """The picture of a frame at full resolution, in characters or the terminal's own graphics."""
 
 from rsoconsole.console.frame._sheet import FrameScreenState, readout_parts, title_parts
-from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends, sheet_marks
+from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends, reprocessed_frame_marks
 from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import DrawnPicture, LightImage, Picture, greys
@@ -18,13 +18,13 @@ class SheetPane(FramePane):
         self._sheet = sheet
 
     def redraw(self) -> None:
-        """Draw the frame after a change of its state."""
+        """Draw the frame again after its state has changed."""
         sheet = self._sheet
         if sheet.pixels is None and sheet.opened is not None:
             self.picture, self._stretch = sheet.opened.preview, sheet.stretch
         self._redraw()
 
-    def next_sight(self) -> None:
+    def show_next_view(self) -> None:
         """Show the next view of the session's small pictures."""
         self._sight = SIGHTS[(SIGHTS.index(self._sight) + 1) % len(SIGHTS)]
         self._redraw()
@@ -60,13 +60,13 @@ class SheetPane(FramePane):
 
     def _shares_of(self, across: int, down: int) -> LightImage:
         """Return the brightness of parts of the cells; ``across``, ``down``: parts of a cell."""
-        from rsoconsole.console.picture.sheet_pixels import map_shares
+        from rsoconsole.console.picture.sheet_pixels import map_brightness
 
         sheet = self._sheet
         assert sheet.pixels is not None
         assert sheet.view is not None
         if sheet.map is not None:
-            return map_shares(sheet.map, sheet.view.window, across, down)
+            return map_brightness(sheet.map, sheet.view.window, across, down)
         return sheet.pixels.shares(sheet.view.window, sheet.stretch, across, down)
 
     def _shown_marks(self) -> tuple[Mark, ...]:
@@ -74,7 +74,7 @@ class SheetPane(FramePane):
         if sheet.opened is None:
             return ()
         candidates = sheet.candidates if sheet.done is not None else ()
-        marks = sheet_marks(sheet.opened.detail, candidates, sheet.chosen)
+        marks = reprocessed_frame_marks(sheet.opened.detail, candidates, sheet.chosen)
         if not sheet.are_marks_shown:
             is_faint = sheet.is_marking and sheet.view is not None and sheet.pixels is not None
             marks = (

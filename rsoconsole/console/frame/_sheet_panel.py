@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.dialogs.candidates import detection_outcome
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.frame._sheet import FrameScreenState
-from rsoconsole.console.words.words import Item, cut_to_width, rule
+from rsoconsole.console.words.words import Item, cut_to_width, draw_rule
 from rsoconsole.records import Detection, Measurement, Solution
 from rsoconsole.sky import wrap_180
-from rsoconsole.words import parts_of, short_figure
+from rsoconsole.words import short_figure, streak_detail_words
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import ComparedCandidate
 
 LABEL_COLUMNS = 9
 MAX_WARNING_ROWS = 3
-"""Most rows of a warning about a processed frame."""
 STAGES = {
     "pattern": "pattern",
     "background": "sky",
@@ -38,7 +37,7 @@ def panel_lines(sheet: FrameScreenState) -> Callable[[int, int], list[Line]]:
     def build(width: int, height: int) -> list[Line]:
         if height <= 3:
             return [cut_to_width(line, width) for line in _summary(sheet)][:height]
-        head = [rule("processed once more", "", width), *_settings(sheet, width)]
+        head = [draw_rule("processed once more", "", width), *_settings(sheet, width)]
         lines = _candidates(sheet, width, height - len(head))
         return [cut_to_width(line, width) for line in (*head, *lines)][:height]
 
@@ -107,9 +106,9 @@ def _candidates(sheet: FrameScreenState, width: int, room: int) -> list[Line]:
     if sheet.opened is None:
         return []
     if sheet.opened.recorded.seen.detections is None and sheet.done is None:
-        return [rule("no candidates", "", width), [(" the frame was never reduced", "dim")]]
+        return [draw_rule("no candidates", "", width), [(" the frame was never reduced", "dim")]]
     count = f"{len(pairs)} candidate{'' if len(pairs) == 1 else 's'}"
-    head = rule(f"{count}, then{'' if sheet.done is None else ' → now'}", "", width)
+    head = draw_rule(f"{count}, then{'' if sheet.done is None else ' → now'}", "", width)
     if not pairs:
         return [head, [(" nothing was held possible", "dim")]]
     blocks = [_block(sheet, number, pair, width) for number, pair in enumerate(pairs)]
@@ -128,7 +127,7 @@ def _block(
     sheet: FrameScreenState, number: int, pair: "ComparedCandidate", width: int
 ) -> list[Line]:
     is_chosen = number == sheet.chosen
-    place = pair.shown
+    place = pair.latest_detection
     first = f"{_confidence(pair, 'was')} → {_confidence(pair, 'now')}"
     if sheet.done is None:
         first = _confidence(pair, "was")
@@ -139,7 +138,7 @@ def _block(
     lines: list[Line] = [line]
     lines += [
         [(f"   {part}", "")]
-        for part in textwrap.wrap(", ".join(parts_of(place)), max(width - 4, 1))
+        for part in textwrap.wrap(", ".join(streak_detail_words(place)), max(width - 4, 1))
     ]
     for text, ink in _outcomes(sheet, pair):
         lines += [[(f"   {part}", ink)] for part in textwrap.wrap(text, max(width - 4, 1))]

@@ -12,27 +12,34 @@ from textual.message import Message
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
-from rsoconsole.console.actions.seat import Seat
-from rsoconsole.console.drawing.pane_layout import sheet_boxes
+from rsoconsole.console.actions.seat import OperatorScreen
+from rsoconsole.console.drawing.pane_layout import frame_screen_boxes
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.frame._sheet import FrameScreenState, marking_instructions, step_px
-from rsoconsole.console.frame._sheet_marks import lead_place
+from rsoconsole.console.frame._sheet import FrameScreenState, cross_step_px, marking_instructions
+from rsoconsole.console.frame._sheet_marks import lead_place_px
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.frame._sheet_panel import panel_lines
-from rsoconsole.console.frame.sheet_actions import SAID_S, MarkCallbacks, SheetActions
+from rsoconsole.console.frame.sheet_actions import SAID_S, FrameScreenActions, MarkCallbacks
 from rsoconsole.console.night.engine_view import EngineView
-from rsoconsole.console.panes.last_line import Key, Mode, action_at, key_line, keys_for, notice_rows
+from rsoconsole.console.panes.last_line import (
+    Key,
+    Mode,
+    clicked_action,
+    key_line,
+    live_keys,
+    notice_rows,
+)
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.picture.sheet_pixels import whole
+from rsoconsole.console.picture.sheet_pixels import whole_frame_view
 from rsoconsole.console.watches.sheet_worker import (
     FrameFault,
     FrameOpened,
     FrameProcessed,
+    FrameReprocessor,
     News,
     PixelsLoaded,
-    SheetWorker,
 )
-from rsoconsole.console.words.words import wrapped
+from rsoconsole.console.words.words import wrap_to_rows
 from rsoconsole.session import SessionReader
 
 LOOK_S = 0.25
@@ -48,7 +55,7 @@ class SheetNews(Message):
         self.news = news
 
 
-class FrameSheet(SheetActions):
+class FrameSheet(FrameScreenActions):
     """Screen of one frame: its pixels, the recorded detections and those with other settings."""
 
     AUTO_FOCUS = None
@@ -70,7 +77,7 @@ class FrameSheet(SheetActions):
         alert: Callable[[], str] | None = None,
         keymap: Mapping[str, str] | None = None,
         mark_to: MarkCallbacks | None = None,
-        seat: Seat | None = None,
+        seat: OperatorScreen | None = None,
     ) -> None:
         """Make the screen of a frame.
 
@@ -91,10 +98,10 @@ class FrameSheet(SheetActions):
         self._drawn_keys: list[Key] = []
         self._rows_of_alert = 0
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._worker = SheetWorker(folder, frame_id, config, self._news_from_thread)
+        self._worker = FrameReprocessor(folder, frame_id, config, self._news_from_thread)
 
     def compose(self) -> ComposeResult:
-        """Make first line, alert, picture, panel and keys; their places depend on the terminal."""
+        """Make the first line, the alert, the picture, the panel and the keys; not placed yet."""
         yield LinesPane(id="status")
         yield LinesPane(id="alert")
         yield SheetPane(self.sheet, id="picture")
@@ -121,11 +128,11 @@ class FrameSheet(SheetActions):
 
     @property
     def mode(self) -> Mode:
-        """What the keys mean now: whether a mark is being made by hand."""
+        """Meaning of the keys now: those of the frame's screen, or those of a mark by hand."""
         return "sheet mark" if self.sheet.is_marking else "sheet"
 
     def say(self, text: str, ink: Ink = "title", seconds: float = SAID_S) -> None:
-        """Show a notice over the last line for ``seconds``; the screen below shows it too."""
+        """Show a notice in the last line for ``seconds``, here and on the screen below this one."""
         if self._seat is not None:
             self._seat.say(text, ink, seconds)
         self._said = (text, ink, time.monotonic() + seconds)
@@ -133,7 +140,7 @@ class FrameSheet(SheetActions):
 
     @property
     def notice(self) -> tuple[str, Ink]:
-        """The present notice and its ink; while a mark is made, how to go on with the mark."""
+        """The present notice and its ink; during a mark by hand, the instructions for it."""
         said: tuple[str, Ink] = self._said[:2] if time.monotonic() < self._said[2] else ("", "")
         if self._seat is not None:
             said = self._seat.notice
@@ -149,22 +156,22 @@ class FrameSheet(SheetActions):
                 self._loop.call_soon_threadsafe(self.post_message, SheetNews(news))
 
     def on_sheet_news(self, message: SheetNews) -> None:
-        """Take what the worker has read or processed, or its fault, and draw it."""
+        """Store and draw what the worker has read or processed, or the reason why it could not."""
         sheet, news = self.sheet, message.news
         match news:
             case FrameOpened():
-                sheet.opened, place = news, lead_place(news.detail)
+                sheet.opened, place = news, lead_place_px(news.detail)
                 if sheet.view is not None and place is not None:
                     sheet.view = sheet.view.at(*place)  # as near as the frame before was seen
             case PixelsLoaded():
                 sheet.pixels = news.pixels
                 height, width = news.pixels.pixels.shape
                 before = sheet.view
-                sheet.view = whole(width, height, *self.picture.room)
+                sheet.view = whole_frame_view(width, height, *self.picture.room)
                 if before is not None and (before.width_px, before.height_px) == (width, height):
                     sheet.view = before.resized(*self.picture.room)
                 elif sheet.candidates:
-                    likeliest = sheet.candidates[0].shown
+                    likeliest = sheet.candidates[0].latest_detection
                     sheet.view = sheet.view.at(likeliest.x_px, likeliest.y_px)
                 self.process()
             case FrameProcessed():
@@ -213,7 +220,7 @@ class FrameSheet(SheetActions):
             self.call_after_refresh(self._fit_view)
         text = self._alert_text()
         self.query_one("#alert", LinesPane).show(
-            lambda width, height: wrapped(f" {text}", width, height)
+            lambda width, height: wrap_to_rows(f" {text}", width, height)
         )
 
     def _alert_text(self) -> str:
@@ -225,13 +232,13 @@ class FrameSheet(SheetActions):
 
     def _alert_rows(self) -> int:
         text = self._alert_text()
-        return len(wrapped(f" {text}", self.size.width, MAX_ALERT_ROWS)) if text else 0
+        return len(wrap_to_rows(f" {text}", self.size.width, MAX_ALERT_ROWS)) if text else 0
 
     def _show_keys(self) -> None:
-        keys = keys_for(EngineView(), can_act=False, mode=self.mode, keymap=self.keymap)
+        keys = live_keys(EngineView(), can_act=False, mode=self.mode, keymap=self.keymap)
         if not self.can_mark:
             keys = [key for key in keys if key.command != "mark"]
-        step = f"Step {step_px(self.sheet):.3g} px"
+        step = f"Step {cross_step_px(self.sheet):.3g} px"
         self._drawn_keys = [k._replace(name=step) if k.name == "Step" else k for k in keys]
         before, self._notice_shown = self._notice_shown, self.notice
         if self._rows_of(before) != self._rows_of(self._notice_shown):
@@ -244,7 +251,7 @@ class FrameSheet(SheetActions):
 
     def _place_panes(self) -> None:
         self._rows_of_alert = self._alert_rows()
-        boxes = sheet_boxes(
+        boxes = frame_screen_boxes(
             *self.size,
             has_status=self._status is not None,
             alert_rows=self._rows_of_alert,
@@ -275,9 +282,9 @@ class FrameSheet(SheetActions):
             self.dismiss(None)
 
     def action_other_frame(self, by: int) -> None:
-        """Show the nearest later (``by`` above 0) or earlier frame whose pixels are kept.
+        """Show the next frame whose pixels are kept, for ``by`` below 0 the one before.
 
-        Zoom, step and stretch stay; the view moves to that frame's lead.
+        Zoom, step and stretch stay the same; the view moves to the lead track in that frame.
         """
         own = self.sheet
         if own.is_marking:
@@ -309,20 +316,20 @@ class FrameSheet(SheetActions):
         self.app.switch_screen(other)
 
     def action_list(self) -> None:
-        """Give the whole screen to the panel, or take it back."""
+        """Give the whole screen to the panel; pressed again, show the picture beside it."""
         self._is_list_open = not self._is_list_open
         self._place_panes()
         self.call_after_refresh(self._fit_view)
 
     async def on_click(self, event: events.Click) -> None:
-        """Run the action of a clicked key of the last line."""
+        """Run the action of the key that was clicked in the last line."""
         pane = self.query_one("#keys", LinesPane)
-        action = action_at(event, pane, self._drawn_keys, self._notice_shown[0])
+        action = clicked_action(event, pane, self._drawn_keys, self._notice_shown[0])
         if action:
             await self.run_action(action)
 
     def system_commands(self) -> Iterable[SystemCommand]:
-        """Yield this screen's commands for the palette, beside those of the whole console."""
+        """Yield this screen's commands for the palette, in addition to the console's."""
         for title, help_, action in (
             ("Frame: next candidate", "go to it", self.action_next_candidate),
             ("Frame: nearer", "by two", lambda: self.action_zoom_by(-1)),

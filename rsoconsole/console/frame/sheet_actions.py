@@ -19,14 +19,13 @@ from rsoconsole.control import MarkByHand
 from rsoconsole.records import MapMode
 
 FINEST_MARK_PX = 1.0
-"""Least uncertainty of an end marked by hand, pixels."""
 SAID_S = 4.0
 REFUSED_S = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MarkCallbacks:
-    """Callbacks by which an opened frame's screen sends a mark by hand to the engine."""
+    """Callbacks with which the screen of one frame sends a mark by hand to the engine."""
 
     send: Callable[[MarkByHand], str]
     """Sends a mark to the engine; returns words for the operator."""
@@ -42,8 +41,8 @@ ROOM_PX = 20.0
 """Pixels in view beyond both ends of the chosen candidate."""
 
 
-class SheetActions(Screen[None]):
-    """Keys and mouse of a frame's screen: they change view, settings on trial and mark."""
+class FrameScreenActions(Screen[None]):
+    """Base of a frame's screen: keys and mouse for view, settings on trial and marks."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "back", "Back", show=False),
@@ -117,20 +116,20 @@ class SheetActions(Screen[None]):
         """Zoom in by two; from the nearest view return to the whole field."""
         view = self.sheet.view
         if view is None:
-            self.picture.next_sight()
+            self.picture.show_next_view()
         else:
             nearer = view.zoomed(-1)
             self.sheet.view = replace(view, zoom=None) if nearer == view else nearer
             self.show()
 
     def action_stretch(self) -> None:
-        """Draw light as grey by the next stretch of ``STRETCHES``."""
+        """Draw the frame with the next of ``STRETCHES``, which map light to grey."""
         at = STRETCHES.index(self.sheet.stretch)
         self.sheet.stretch = STRETCHES[(at + 1) % len(STRETCHES)]
         self.picture.redraw()
 
     def action_marks(self) -> None:
-        """Show or hide the marks; while a mark is made, those beside it."""
+        """Show or hide the marks; during a mark by hand, show or hide the other marks beside it."""
         if self.sheet.is_marking:
             self.sheet.shows_beside_mark = not self.sheet.shows_beside_mark
         else:
@@ -138,14 +137,14 @@ class SheetActions(Screen[None]):
         self.picture.redraw()
 
     def action_next_candidate(self) -> None:
-        """Choose the next candidate, the likeliest first, and move the view there."""
+        """Choose the next candidate, in order of falling confidence, and move the view to it."""
         sheet = self.sheet
         count = len(sheet.candidates)
         if not count:
             return
         sheet.chosen = 0 if sheet.chosen is None else (sheet.chosen + 1) % count
         if sheet.view is not None:
-            streak = sheet.candidates[sheet.chosen].shown
+            streak = sheet.candidates[sheet.chosen].latest_detection
             view = sheet.view.at(streak.x_px, streak.y_px)
             if view.zoom is None:
                 wide, high = abs(streak.x_b_px - streak.x_a_px), abs(streak.y_b_px - streak.y_a_px)
@@ -157,7 +156,7 @@ class SheetActions(Screen[None]):
 
     @property
     def can_mark(self) -> bool:
-        """True where this frame may take a mark, as far as the screen knows."""
+        """True where this frame may accept a mark by hand; the engine can still refuse it."""
         return self._mark_to is not None and not self.sheet.fault
 
     def action_mark(self) -> None:
@@ -183,12 +182,12 @@ class SheetActions(Screen[None]):
         mark_to.begin(sheet.frame_id, self.refuse_mark)
 
     def refuse_mark(self, why_not: str) -> None:
-        """Cancel the mark because the engine takes none in this frame; a notice says why."""
+        """Cancel the mark by hand, which the engine refuses in this frame, and show the reason."""
         self._end_mark()
         self.say(why_not, "warn", REFUSED_S)
 
     def leave_mark(self) -> None:
-        """Cancel the mark; the engine releases the frame and gets no mark."""
+        """Cancel the mark by hand, and let the engine release the frame that it keeps for it."""
         self._end_mark()
         if self._mark_to is not None:
             self._mark_to.leave(self.sheet.frame_id)
@@ -232,7 +231,7 @@ class SheetActions(Screen[None]):
         return self.sheet.pixels is not None
 
     def action_tau(self, by: int) -> None:
-        """Multiply tau by 1.25 for a step up, divide it for a step down, and process again."""
+        """Multiply tau by 1.25 to the power ``by``, and process again."""
         if not self._can_process():
             return
         sheet = self.sheet
@@ -262,7 +261,7 @@ class SheetActions(Screen[None]):
         self.show()
 
     def action_plate(self) -> None:
-        """Switch between a plate solved from this frame's stars alone and the recorded plate."""
+        """Switch between the recorded plate solution and one from this frame's stars alone."""
         if not self._can_process():
             return
         self.sheet.solves_again = not self.sheet.solves_again

@@ -1,4 +1,4 @@
-"""The engine at one instant as the console knows it, alerts, and the orbit's prediction."""
+"""The engine's state as the console knows it, alerts for changes, and the predicted orbit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -19,8 +19,7 @@ class EngineView(Status):
     """The engine's status at one instant, with the state of the connection."""
 
     reach: Reach = "unknown"
-    """State of the connection; silent: the engine runs and does not answer; recorded: a session is
-    shown, no engine is asked."""
+    """State of the connection; silent: the engine does not answer; recorded: no engine is asked."""
     since_utc_ns: int | None = None
     """Last known time of the frame clock, UTC ns, where the engine is silent or gone; else None."""
     detail: str = ""
@@ -32,13 +31,13 @@ class EngineView(Status):
         return self.reach == "attached"
 
     @property
-    def wants_resuming(self) -> bool:
-        """True where autonomy waits: it is held, or the operator has the mount."""
+    def is_autonomy_waiting(self) -> bool:
+        """True where autonomy waits to be resumed: it is on hold, or the operator has control."""
         return self.is_held or self.holder == "operator"
 
 
-def engine_view(answer: Mapping[str, Any]) -> EngineView:
-    """Return the engine's answer to ``status``; missing or invalid fields count as not known."""
+def read_engine_view(answer: Mapping[str, Any]) -> EngineView:
+    """Parse the engine's answer to ``status``; missing or invalid fields count as not known."""
     status = read_status(answer)
     known = {each.name: getattr(status, each.name) for each in fields(Status)}
     return EngineView(reach="attached", **known)
@@ -51,9 +50,10 @@ OSC, ST = "\x1b]", "\x1b\\"
 def alerts_between(
     before: tuple[NightView, EngineView], after: tuple[NightView, EngineView]
 ) -> list[tuple[Alert, str]]:
-    """Return the alerts for what changed from one (night, engine) to the next, with their words.
+    """Return (alert, text) for each change between two states (night, engine).
 
-    Of another session, or one whose past is still being read, only the loss of the engine counts.
+    If the session is another one, or its past is still being read, the only alert is that the
+    engine was lost.
     """
     (night, engine), (night_now, engine_now) = before, after
     gone: list[tuple[Alert, str]] = []
@@ -94,7 +94,7 @@ def _is_sought(night: NightView) -> bool:
     return any(line.is_wanted for line in night.log[-LOOK_BACK_LINES:])
 
 
-def notification(words: str) -> str:
+def notification_sequence(words: str) -> str:
     """Return the terminal sequence that shows a notification (OSC 9: iTerm2, kitty and others)."""
     plain = "".join(c for c in words if c.isprintable())
     return f"{OSC}9;rsoconsole: {plain}{ST}"
@@ -107,7 +107,7 @@ AHEAD_S = (600, 3600, 86_400)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OrbitAhead:
+class OrbitPrediction:
     """An orbit's prediction, seen from the site, with the orbit's elements and their sigmas."""
 
     folder: Path | None
@@ -122,16 +122,16 @@ class OrbitAhead:
     """Sigma of each element by name; None where the orbit does not fix it at all."""
 
 
-def orbit_ahead(
+def predict_orbit(
     estimate: OrbitEstimate, config: Config, from_utc_ns: int, *, folder: Path | None = None
-) -> OrbitAhead:
+) -> OrbitPrediction:
     """Predict an orbit from ``from_utc_ns`` on, seen from the site; takes half a second."""
     # Late: the sky's computation loads slowly, and the first paint does not wait for it.
     from rsoconsole.orbits import orbit_from_record
     from rsoconsole.pipeline import element_sigmas, elements_by_name, orbit_outlook
 
     orbit = orbit_from_record(estimate)
-    return OrbitAhead(
+    return OrbitPrediction(
         folder=folder,
         estimate=estimate,
         from_utc_ns=from_utc_ns,

@@ -10,15 +10,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.night.engine_view import EngineView, OrbitAhead
+from rsoconsole.console.night.engine_view import EngineView, OrbitPrediction
 from rsoconsole.console.tuning.what_if_watch import TrackQuality, track_quality
 from rsoconsole.console.words.words import (
     Item,
     cut_to_width,
+    draw_rule,
+    frame_clock_utc_ns,
     items_in_rows,
-    present_utc_ns,
-    rule,
-    wrapped,
+    wrap_to_rows,
 )
 from rsoconsole.control import one_line
 from rsoconsole.night import NightView, merit
@@ -28,18 +28,18 @@ from rsoconsole.words import (
     NS_PER_S,
     angle,
     catalogued_name,
-    clock,
     count_words,
     duration_words,
     eclipse_words,
     format_dec,
     format_ra,
-    identity,
+    identity_words,
     match_words,
     number,
     plus_minus,
     semi_major_axis_words,
     set_or_rise_words,
+    utc_text,
 )
 
 MIN_MEASUREMENTS = 3
@@ -48,12 +48,12 @@ AHEAD_GOOD_S = 300.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OrbitFacts:
+class OrbitPaneContents:
     """What the orbit pane shows: orbit, identification, prediction, track quality."""
 
     estimate: OrbitEstimate | None = None
     identified: Identified | None = None
-    ahead: OrbitAhead | None = None
+    ahead: OrbitPrediction | None = None
     now_utc_ns: int | None = None
     last_utc_ns: int | None = None
     """Time at which the orbit was found, UTC ns, where its track has ended; else None."""
@@ -70,17 +70,22 @@ class OrbitFacts:
     """False where the settings are known to name no catalogue to identify by."""
 
 
-def orbit_facts(night: NightView, engine: EngineView, ahead: OrbitAhead | None) -> OrbitFacts:
-    """Return what the orbit pane shows; ``ahead``: the last prediction, of whatever orbit."""
-    now = present_utc_ns(night, engine)
+def orbit_pane_contents(
+    night: NightView, engine: EngineView, ahead: OrbitPrediction | None
+) -> OrbitPaneContents:
+    """Return the contents of the orbit pane.
+
+    ``ahead``: the last prediction, which may be of another orbit and is then left out.
+    """
+    now = frame_clock_utc_ns(night, engine)
     is_fit = ahead is not None and _is_near(ahead, night, now) and _is_of(ahead, night)
-    return OrbitFacts(
+    return OrbitPaneContents(
         estimate=night.orbit,
         identified=night.identified,
         ahead=ahead if is_fit else None,
         now_utc_ns=now,
-        last_utc_ns=night.orbit_utc_ns if night.is_orbit_past else None,
-        is_past=night.is_orbit_past,
+        last_utc_ns=night.orbit_utc_ns if night.is_orbit_of_past_lead else None,
+        is_past=night.is_orbit_of_past_lead,
         quality=track_quality(night),
         since_word_s=_since_word_s(night, now),
         absence="" if night.orbit is not None else _absence(night, engine),
@@ -97,14 +102,14 @@ def _since_word_s(night: NightView, now: int | None) -> float | None:
     return max(((now or found_ns) - found_ns) / NS_PER_S, 0.0)
 
 
-def _is_near(ahead: OrbitAhead, night: NightView, now: int | None) -> bool:
+def _is_near(ahead: OrbitPrediction, night: NightView, now: int | None) -> bool:
     """Return True if a prediction is of this session, and for about this instant."""
     if now is None or ahead.folder != night.folder:
         return False
     return abs(now - ahead.from_utc_ns) <= AHEAD_GOOD_S * NS_PER_S
 
 
-def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
+def _is_of(ahead: OrbitPrediction, night: NightView) -> bool:
     """Return True if a prediction is of the recorded orbit, or of an earlier one of its track."""
     if night.orbit is None:
         return False
@@ -112,7 +117,7 @@ def _is_of(ahead: OrbitAhead, night: NightView) -> bool:
         return True
     is_same_track = ahead.estimate.track_id == night.orbit.track_id
     is_before = ahead.estimate.frame_id < night.orbit.frame_id
-    return not night.is_orbit_past and is_same_track and is_before
+    return not night.is_orbit_of_past_lead and is_same_track and is_before
 
 
 def _absence(night: NightView, engine: EngineView) -> str:
@@ -139,7 +144,7 @@ def _measured(night: NightView) -> int:
 
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import OrbitOutlook, PlaceAhead
+    from rsoconsole.pipeline import FuturePosition, OrbitOutlook
 
 Ranked = tuple[int, Line]
 
@@ -150,15 +155,14 @@ NARROW_COLUMNS = 47
 SOON_S = 900.0
 """Seconds ahead within which an event is shown as a warning."""
 MAX_ROWS = 4
-"""Most rows of one group of lines."""
 KNOWN_DEG = 60.0
 """Sigma from which on the node and the argument of perigee are not shown, degrees."""
 HALF_SKY_ARCSEC = 648_000.0
 LABEL_INKS: dict[str, Ink] = {"free": "good", "weak geometry": "warn", "not observable": "warn"}
 
 
-def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
-    """Return as many of the pane's lines as fit, by their rank."""
+def orbit_lines(shown: OrbitPaneContents, width: int, height: int) -> list[Line]:
+    """Return as many of the pane's lines as fit, the lowest ranks first."""
     estimate = shown.estimate
     lines: list[Ranked] = [(0, _title(shown, width))]
     if estimate is None:
@@ -178,15 +182,15 @@ def orbit_lines(shown: OrbitFacts, width: int, height: int) -> list[Line]:
     return [cut_to_width(lines[n][1], width) for n in sorted(kept)]
 
 
-def target_words(shown: OrbitFacts) -> tuple[str, str, str]:
-    """Return the target's name, its orbit's size, and "by prior" for an assumed size.
+def target_words(shown: OrbitPaneContents) -> tuple[str, str, str]:
+    """Return the target's name, the size of its orbit, and "by prior" if that size is assumed.
 
     Each is empty where it is not known or does not apply.
     """
     estimate, found = shown.estimate, shown.identified
     if shown.is_past:
         return "", "", ""
-    name = "" if found is None else _one_wide(identity(found))
+    name = "" if found is None else _one_wide(identity_words(found))
     if estimate is None or estimate.label == "not observable":
         return name, "", ""
     size = f"a = {plus_minus(estimate.a_km, estimate.sigma_a_km)} km"
@@ -198,24 +202,24 @@ def _by_prior(estimate: OrbitEstimate) -> str:
     return "" if estimate.prior == "none" else " by prior"
 
 
-def _title(shown: OrbitFacts, width: int) -> Line:
+def _title(shown: OrbitPaneContents, width: int) -> Line:
     estimate = shown.estimate
     head = "orbit"
     if shown.is_past:
-        at = f" {clock(shown.last_utc_ns, zone='')}" if shown.last_utc_ns else ""
+        at = f" {utc_text(shown.last_utc_ns, zone='')}" if shown.last_utc_ns else ""
         head = f"last orbit{at}"
     if estimate is None:
-        return rule(head, "", width)
+        return draw_rule(head, "", width)
     label = estimate.label
     with_prior = f"{label} ({estimate.prior})" if estimate.prior != "none" else label
     if len(f"─ {head} · {with_prior} ") <= width:
         label = with_prior
     ink = LABEL_INKS.get(estimate.label, "")
     arc = f"{estimate.observations} in {duration_words(estimate.arc_s)}"
-    return rule([(head, "title"), (" · ", "dim"), (label, ink)], arc, width)
+    return draw_rule([(head, "title"), (" · ", "dim"), (label, ink)], arc, width)
 
 
-def _name_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
+def _name_lines(shown: OrbitPaneContents, width: int) -> list[Ranked]:
     """Return the identification, its runner-up, and a hint at a manoeuvre."""
     found = shown.identified
     if found is None:
@@ -249,7 +253,7 @@ def _called(match: CatalogueMatch, *, is_sure: bool = True) -> str:
     return _one_wide(catalogued_name(match.name, match.norad_id)) + ("" if is_sure else "?")
 
 
-def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+def _element_lines(shown: OrbitPaneContents, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     ahead = shown.ahead
     sigmas = dict(ahead.sigmas) if ahead is not None else {}
     ink = LABEL_INKS.get(estimate.label, "")
@@ -267,7 +271,7 @@ def _element_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> li
     return _ranked(items_in_rows(items, width, MAX_ROWS), 1, 7)
 
 
-def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
+def _ahead_lines(shown: OrbitPaneContents, width: int) -> list[Ranked]:
     """Return the predicted places, and rise, set and eclipse within a day."""
     ahead = shown.ahead
     if ahead is None:
@@ -285,7 +289,7 @@ def _ahead_lines(shown: OrbitFacts, width: int) -> list[Ranked]:
     return [*lines, *_ranked(items_in_rows(events, width, 2), 3, 7)]
 
 
-def _place_line(place: "PlaceAhead", from_utc_ns: int, width: int) -> Line:
+def _place_line(place: "FuturePosition", from_utc_ns: int, width: int) -> Line:
     """Return the line of one predicted place; dim where it is below the horizon."""
     seconds = (place.t_utc_ns - from_utc_ns) / NS_PER_S
     value, unit = (seconds / 60.0, "min") if seconds < 3600.0 else (seconds / 3600.0, "h")
@@ -337,7 +341,7 @@ def _track_lines(quality: TrackQuality, width: int) -> list[Ranked]:
     return lines
 
 
-def _quality_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> list[Ranked]:
+def _quality_lines(shown: OrbitPaneContents, estimate: OrbitEstimate, width: int) -> list[Ranked]:
     """Return what predicts the next aim, and how well the orbit fits."""
     items: list[Item] = []
     if not shown.is_past:
@@ -349,7 +353,7 @@ def _quality_lines(shown: OrbitFacts, estimate: OrbitEstimate, width: int) -> li
     items.append((f"{estimate.observations} directions in {duration_words(estimate.arc_s)}", ""))
     if estimate.outliers:
         items.append((f"{estimate.outliers} left out", "warn"))
-    why = wrapped(_one_wide(estimate.reason), max(width - 2, 1), 3)
+    why = wrap_to_rows(_one_wide(estimate.reason), max(width - 2, 1), 3)
     return [
         *_ranked(items_in_rows(items, width, MAX_ROWS), 4, 7),
         *_ranked([[(" ", ""), (line[0][0], "dim")] for line in why], 8),
@@ -362,7 +366,7 @@ def _fine(arcsec: float) -> str:
 
 def _said(text: str, ink: Ink, width: int) -> list[Line]:
     """Return a sentence over as many lines as a group may have."""
-    lines = wrapped(_one_wide(text), max(width - 2, 1), MAX_ROWS)
+    lines = wrap_to_rows(_one_wide(text), max(width - 2, 1), MAX_ROWS)
     return [[(" ", ""), (line[0][0], ink)] for line in lines]
 
 

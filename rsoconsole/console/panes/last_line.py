@@ -11,7 +11,7 @@ from rsoconsole.console.commands.commands import BY_NAME
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView
-from rsoconsole.console.words.words import cut_to_width, wrapped
+from rsoconsole.console.words.words import cut_to_width, wrap_to_rows
 from rsoconsole.pipeline import HELD
 
 Mode = Literal[
@@ -31,9 +31,9 @@ Mode = Literal[
 
 
 class Key(NamedTuple):
-    """A key of the last line: the key, its action in a word, whether room is kept for it.
+    """Key as shown in the last line, with a short name of its action.
 
-    ``is_important``: where there is no room for all keys, others are left out first.
+    ``is_important``: True for keys that are kept longest where there is no room for all.
     """
 
     key: str
@@ -133,7 +133,6 @@ MODE_KEYS: dict[Mode, tuple[Key, ...]] = {
         Key("esc", "Leave off", is_important=True, command="back", words="no mark is sent"),
     ),
 }
-"""Keys that have a meaning of their own in each mode."""
 MODE_WORDS: dict[Mode, str] = {
     "live": "",
     "mark": "Now: a streak's two ends are marked by hand",
@@ -155,7 +154,7 @@ def _command_key(
     return Key(first_key(command, keymap), name, is_important, command)
 
 
-def keys_for(
+def live_keys(
     engine: EngineView,
     *,
     can_act: bool,
@@ -180,7 +179,7 @@ def keys_for(
             keys.append(key("undo", "Follow again", is_important=True))
             if engine.holder == "operator":
                 keys.append(key("hold_or_resume", "Give back", is_important=True))
-        if engine.is_held or (engine.wants_resuming and not engine.kept):
+        if engine.is_held or (engine.is_autonomy_waiting and not engine.kept):
             keys.append(key("hold_or_resume", "Resume"))
         elif engine.holder == "autonomy":
             keys.append(key("hold_or_resume", "Hold"))
@@ -253,7 +252,7 @@ def key_line(
         if words and height > 1:
             said: list[Line] = [
                 [(" ", ""), *((text, ink) for text, _ in row)]
-                for row in wrapped(words, width - 1, height - 1)
+                for row in wrap_to_rows(words, width - 1, height - 1)
             ]
             said += [[("", "")] for _ in range(height - 1 - len(said))]
             return [*said, _line(_fitting(keys, width), width)]
@@ -268,10 +267,10 @@ def notice_rows(notice: str, width: int, height: int) -> int:
     """Return how many rows above the keys a notice takes in a terminal of that size."""
     if not notice or height < MIN_LINES:
         return 0
-    return len(wrapped(notice, width - 1, MAX_NOTICE_ROWS))
+    return len(wrap_to_rows(notice, width - 1, MAX_NOTICE_ROWS))
 
 
-def action_at(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
+def clicked_action(event: Click, pane: Widget, keys: list[Key], notice: str) -> str:
     """Return the action of the clicked key, as Textual writes it; empty: no key was clicked.
 
     ``pane``: the pane that shows the keys; ``notice``: the notice in the same pane.

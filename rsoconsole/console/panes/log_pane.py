@@ -12,12 +12,11 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from rsoconsole.night import LogLine
-from rsoconsole.words import clock
+from rsoconsole.words import utc_text
 
 WITH_FRAME_COLUMNS = 60
 """Least columns of a log whose lines show the frame's number."""
 MAX_ROWS = 3
-"""Most rows that one line of the log takes."""
 HOW_TO_CHANGE = "/ changes, esc clears"
 
 
@@ -53,9 +52,9 @@ class LogPane(ScrollView):
         """For each row, newest first: its log line, its text, whether the next row continues it."""
 
     def show(self, lines: tuple[LogLine, ...], *, is_reading: bool = False) -> None:
-        """Show the lines of a log; where the pane is scrolled back, the visible rows stay.
+        """Show the lines of a log; if the pane is scrolled back, its visible rows stay in place.
 
-        ``is_reading``: True where more lines may come, which have not been read yet.
+        ``is_reading``: True while older records are still being read and lines may be missing.
         """
         if lines == self.lines and is_reading == self._is_reading:
             return
@@ -141,11 +140,11 @@ class LogPane(ScrollView):
 @lru_cache(maxsize=8192)
 def log_rows(line: LogLine, width: int) -> tuple[str, ...]:
     """Return a line of the log broken into rows, at most ``MAX_ROWS``."""
-    head = f" {clock(line.t_utc_ns, zone='')} "
+    head = f" {utc_text(line.t_utc_ns, zone='')} "
     if width >= WITH_FRAME_COLUMNS:
         head += f"{line.frame_id:04d} " if line.frame_id is not None else "     "
     rows = textwrap.wrap(
-        line.whole,
+        line.text_with_count,
         max(width, len(head) + 8),
         initial_indent=head,
         subsequent_indent=" " * len(head),

@@ -14,10 +14,10 @@ from textual.strip import Strip
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rsoconsole.console.drawing.blocks import QUADRANTS, Blocks, RunKey, fit_to_cells, runs
+from rsoconsole.console.drawing.blocks import QUADRANTS, BlockSet, RunKey, fit_to_cells, row_runs
 from rsoconsole.console.drawing.plain import NIGHT
 from rsoconsole.console.drawing.plot import Line
-from rsoconsole.console.picture.marks import Mark, MarkKind, overlay
+from rsoconsole.console.picture.marks import Mark, MarkKind, mark_characters
 from rsoconsole.console.picture.picture import (
     GREYS,
     DrawnPicture,
@@ -26,13 +26,13 @@ from rsoconsole.console.picture.picture import (
     Stretch,
     draw_closeup,
     draw_field,
-    shares,
+    drawn_brightness,
 )
 from rsoconsole.console.timeline.lines import strip_columns
 from rsoconsole.console.timeline.timeline import EXAMPLES
 from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.console.words.words import join_fitting_parts as fitted_words
-from rsoconsole.console.words.words import wrapped
+from rsoconsole.console.words.words import wrap_to_rows
 
 Build = Callable[[int, int], list[Line]]
 """Function that builds a pane's lines: (width, height) -> lines."""
@@ -59,7 +59,7 @@ class LinesPane(Widget):
         self._lines: list[Line] = []
 
     def show(self, build: Build) -> None:
-        """From now on show the lines that ``build`` makes for the pane's size."""
+        """Show the lines that ``build`` returns for the pane's size, after resizing too."""
         self._build = build
         self._rebuild()
 
@@ -134,7 +134,6 @@ class FramePane(Widget):
         self._drawn: DrawnPicture | None = None
         self._marks: tuple[Mark, ...] = ()
         self.absent = "no picture yet"
-        """Text shown in the picture's place where there is none."""
         self._styles_made: dict[RunKey, Style] = {}
         """Styles by their use; made once for each theme."""
         self._pixels: Any = None
@@ -152,7 +151,6 @@ class FramePane(Widget):
             yield self._pixels
 
     hides_signs = False
-    """True where the picture's own marks are hidden."""
 
     @property
     def drawing(self) -> DrawnPicture | None:
@@ -162,9 +160,9 @@ class FramePane(Widget):
         return self._drawn
 
     @property
-    def blocks(self) -> Blocks:
+    def blocks(self) -> BlockSet:
         """The block characters that draw pictures."""
-        blocks: Blocks = getattr(self.app, "blocks", QUADRANTS)
+        blocks: BlockSet = getattr(self.app, "blocks", QUADRANTS)
         return blocks
 
     def show(
@@ -190,12 +188,12 @@ class FramePane(Widget):
         self._redraw()
 
     def on_mouse_down(self, event: MouseDown) -> None:
-        """Post where in the frame the mouse was pressed."""
+        """Post the pixel of the frame at which the mouse was pressed."""
         self.capture_mouse()
         self._point(event, is_release=False)
 
     def on_mouse_up(self, event: MouseUp) -> None:
-        """Post where in the frame the mouse was released."""
+        """Post the pixel of the frame at which the mouse was released."""
         self.release_mouse()
         self._point(event, is_release=True)
 
@@ -217,7 +215,7 @@ class FramePane(Widget):
         self._redraw()
 
     def notify_style_update(self) -> None:
-        """Draw in the colours of another theme."""
+        """Draw the picture again in the colours of the new theme."""
         super().notify_style_update()
         self._strips = []
         self._styles_made.clear()
@@ -238,13 +236,13 @@ class FramePane(Widget):
 
     def _paint(self) -> None:
         """Paint the picture by the terminal's own graphics."""
-        from rsoconsole.console.picture.graphics import cell_px, paint_picture
+        from rsoconsole.console.picture.graphics import cell_size_px, paint_picture
 
         drawing = self.drawing
         self._pixels.display = drawing is not None
         if drawing is None:
             return
-        window, cell = drawing.window, cell_px()
+        window, cell = drawing.window, cell_size_px()
         self._pixels.styles.width, self._pixels.styles.height = window.columns, window.rows
         self._pixels.image = paint_picture(
             self._light(drawing, cell),
@@ -258,7 +256,9 @@ class FramePane(Widget):
     def _light(self, drawing: DrawnPicture, _cell_px: tuple[int, int]) -> LightImage:
         """Return the brightness of what is drawn, 0 to 1, at its own resolution."""
         assert self.picture is not None
-        return shares(self.picture, drawing, self._stretch, is_field=self._sight == "field")
+        return drawn_brightness(
+            self.picture, drawing, self._stretch, is_field=self._sight == "field"
+        )
 
     def _shown_marks(self) -> tuple[Mark, ...]:
         """Return the marks to draw; rejected candidates have none in the whole field."""
@@ -318,14 +318,14 @@ class FramePane(Widget):
                 for row in range(rows)
             ]
         window = drawing.window
-        marks = overlay(self._shown_marks(), window, has_rejected=True)
+        marks = mark_characters(self._shown_marks(), window, has_rejected=True)
         style = self.rich_style
         blank = Strip.blank(width, style)
         if self._pixels is not None:
             return [blank] * rows
         cells = fit_to_cells(drawing.greys, drawing.blocks)
         return [
-            self._row(runs(cells, drawing.blocks, marks, row)).adjust_cell_length(width, style)
+            self._row(row_runs(cells, drawing.blocks, marks, row)).adjust_cell_length(width, style)
             for row in range(window.rows)
         ] + [blank] * (rows - window.rows)
 
@@ -371,17 +371,17 @@ class StopBanner(LinesPane):
     """
 
     def say(self, text: str, phase: str) -> None:
-        """Show a STOP's state; ``phase``: its stage, of which "stopped" turns the banner green."""
+        """Show the state of a STOP; the banner is green for the ``phase`` "stopped", else red."""
         self.set_class(phase == "stopped", "-stopped")
         ending = "  (esc)" if phase in {"stopped", "failed"} else ""
-        self.show(lambda width, height: wrapped(f"{text}{ending}", width, height))
+        self.show(lambda width, height: wrap_to_rows(f"{text}{ending}", width, height))
 
 
 class TimelinePane(LinesPane):
-    """Pane of the time line; posts where it is clicked, and where the pressed mouse moves."""
+    """Pane of the time line; posts the cells that are clicked or dragged over."""
 
     class Pointed(Message):
-        """Posted for the mouse at a cell of the strip: the cell's column, the strip's columns."""
+        """Posted for a click or drag: the column in the strip, and the strip's columns."""
 
         def __init__(self, column: int, columns: int) -> None:
             super().__init__()
@@ -401,7 +401,7 @@ class TimelinePane(LinesPane):
             self._point(event)
 
     def on_mouse_up(self, _event: MouseUp) -> None:
-        """Stop posting the mouse's cells."""
+        """End the drag: later movements of the mouse are not posted."""
         self._is_drawn = False
         self.release_mouse()
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import Graphics
-from rsoconsole.console.drawing.blocks import BY_NAME, QUADRANTS, Blocks
-from rsoconsole.console.drawing.terminal_query import blocks_of, query_terminal
+from rsoconsole.console.drawing.blocks import BY_NAME, QUADRANTS, BlockSet
+from rsoconsole.console.drawing.terminal_query import finest_blocks, query_terminal
 from rsoconsole.console.picture.marks import Mark, Window
 
 if TYPE_CHECKING:
@@ -25,9 +25,7 @@ RedGreenBlue = npt.NDArray[np.uint8]
 """Image array, (height, width, 3): red, green, blue."""
 
 MARGIN_PX = 6
-"""Pixels between a streak and the box of its mark."""
 CROSS_GAP_PX = 4
-"""Pixels from a cross's middle to its arms."""
 FONT_SCALE, FONT_ROOM_PX = 0.42, 4
 
 
@@ -37,11 +35,11 @@ class DrawingMode:
 
     graphics: GraphicsKind | None = None
     """The terminal's own graphics; None: characters draw pictures."""
-    blocks: Blocks = QUADRANTS
+    blocks: BlockSet = QUADRANTS
     """The block characters, where there are no graphics."""
 
 
-def choose_drawing(wanted: Graphics) -> DrawingMode:
+def choose_drawing_mode(wanted: Graphics) -> DrawingMode:
     """Return how to draw pictures: as wanted, or the finest way that the terminal has.
 
     May ask the terminal, so it must be called before the application runs.
@@ -56,7 +54,7 @@ def choose_drawing(wanted: Graphics) -> DrawingMode:
             "kitty" if terminal.has_kitty else "sixel" if terminal.has_sixel else None
         )
         kind = found if wanted == "auto" else None
-        drawn = DrawingMode(graphics=kind, blocks=blocks_of(terminal))
+        drawn = DrawingMode(graphics=kind, blocks=finest_blocks(terminal))
     if drawn.graphics is not None:
         # Importing it asks the terminal for the size of its cells, which is not possible later.
         from textual_image import widget
@@ -73,7 +71,7 @@ def image_widget(kind: GraphicsKind) -> "Widget":
     return image
 
 
-def cell_px() -> tuple[int, int]:
+def cell_size_px() -> tuple[int, int]:
     """Return the width and height of a terminal's cell in pixels."""
     from textual_image.widget import get_cell_size
 

@@ -16,8 +16,8 @@ FAR = 5
 
 
 @dataclass(slots=True, kw_only=True)
-class Marking:
-    """An unfinished mark: its cursor and first end, pixels of the frame, and the view's bounds."""
+class UnfinishedMark:
+    """Unfinished mark by hand: cursor, first end and view's bounds in pixels of the frame."""
 
     frame_id: int
     px_per_square: float
@@ -31,7 +31,7 @@ class Marking:
     """Side of the largest square in which an end was set, pixels: the mark's uncertainty."""
 
     @classmethod
-    def begin(cls, frame_id: int, drawing: DrawnPicture) -> "Marking":
+    def begin(cls, frame_id: int, drawing: DrawnPicture) -> "UnfinishedMark":
         """Begin a mark with its cursor in the middle of the drawn view."""
         low, high = _bounds(drawing)
         return cls(
@@ -43,7 +43,7 @@ class Marking:
         )
 
     def look(self, drawing: DrawnPicture) -> None:
-        """Go on with the mark in another view of the same frame."""
+        """Continue the mark in another view of the same frame, the cursor kept within it."""
         self.low_px, self.high_px = _bounds(drawing)
         self.px_per_square = drawing.px_per_square
         self._go(*self.cursor_px)
@@ -66,8 +66,8 @@ class Marking:
         self._go(x, y)
         return True
 
-    def is_drag(self) -> bool:
-        """True where the cursor is more than a square away from the first end, if that is set."""
+    def is_dragged(self) -> bool:
+        """Return True if the first end is set and the cursor is more than a square away from it."""
         if self.first_px is None:
             return False
         away = max(abs(a - b) for a, b in zip(self.first_px, self.cursor_px, strict=True))

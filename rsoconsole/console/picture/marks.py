@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from rsoconsole.console.drawing.track_marks import NumberedTrack, placed_numbers
-from rsoconsole.night import FrameTrack, NightFrame, is_of_streak, outline_px
+from rsoconsole.console.drawing.track_marks import NumberedTrack, place_track_numbers
+from rsoconsole.night import FrameTrack, NightFrame, is_measurement_of, uncertainty_ellipse_px
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
 from rsoconsole.words import short_figure, short_name_of
@@ -104,19 +104,20 @@ class Window:
         return 0 <= column < self.columns and 0 <= row < self.rows
 
 
-def marks_of(detail: NightFrame) -> tuple[Mark, ...]:
+def frame_marks(detail: NightFrame) -> tuple[Mark, ...]:
     """Return all marks of one frame: streaks, marks by hand, predicted places."""
     found = detail.detections
     if found is None or found.width_px <= 0 or found.height_px <= 0:
         return ()
     several = detail.tracks if len(detail.tracks) > 1 else ()
-    taken = ((m, detail.track_of(m)) for m in detail.all_measured if several)
+    taken = ((m, detail.track_of(m)) for m in detail.all_measurements if several)
     members = [(m, track) for m, track in taken if track is not None]
     marks = [
-        _numbered(mark_of(d, "candidate", detail.followed), d, members) for d in found.detections
+        _numbered(streak_mark(d, "candidate", detail.accepted_measurement), d, members)
+        for d in found.detections
     ]
     marks += [
-        _numbered(mark_of(each.detection, "rejected"), each.detection, members)
+        _numbered(streak_mark(each.detection, "rejected"), each.detection, members)
         for each in found.rejected
         if each.detection.confidence >= SHOWN_REJECTED
     ]
@@ -137,25 +138,25 @@ def _numbered(
 ) -> Mark:
     """Return the mark with the number of the track that took the streak; unchanged if none did."""
     for measured, track in members:
-        if is_of_streak(detection, measured):
+        if is_measurement_of(detection, measured):
             kind: MarkKind = "followed" if track.is_lead else "member"
-            return replace(mark, kind=kind, label=track.number, is_numbered=True)
+            return replace(mark, kind=kind, label=track.number_text, is_numbered=True)
     return mark
 
 
 def _coasted_mark(detail: NightFrame, track: FrameTrack) -> Mark | None:
     """Return the mark of a coasted track's predicted place; None where the frame is not solved."""
     mark = None if track.predicted is None else _mark_at(track.predicted, detail, "coasted")
-    label = f"{COASTED}{track.number}"
+    label = f"{COASTED}{track.number_text}"
     return None if mark is None else replace(mark, label=label, is_numbered=True)
 
 
-def mark_of(detection: Detection, kind: MarkKind, followed: Measurement | None = None) -> Mark:
+def streak_mark(detection: Detection, kind: MarkKind, followed: Measurement | None = None) -> Mark:
     """Return a streak's mark: its ends, and as the label its confidence and class.
 
     ``followed``: the lead's measurement; if it is of this streak, the mark's kind is "followed".
     """
-    is_followed = is_of_streak(detection, followed)
+    is_followed = is_measurement_of(detection, followed)
     ends = (detection.x_a_px, detection.y_a_px), (detection.x_b_px, detection.y_b_px)
     return Mark(
         x_px=detection.x_px,
@@ -174,11 +175,13 @@ def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | No
     x_px, y_px = (float(v) for v in sky_to_pixel(detail.solution.wcs, ra, dec))
     if not (math.isfinite(x_px) and math.isfinite(y_px)):
         return None
-    outline = outline_px(track, detail.solution, OUTLINE_POINTS)
+    outline = uncertainty_ellipse_px(track, detail.solution, OUTLINE_POINTS)
     return Mark(x_px=x_px, y_px=y_px, kind=kind, outline_px=outline)
 
 
-def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False) -> Cells:
+def mark_characters(
+    marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False
+) -> Cells:
     """Return the characters that the marks write over a picture.
 
     Signs stand beside the streaks, whose own cells stay free. ``has_rejected``: True where rejected
@@ -198,7 +201,7 @@ def overlay(marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = Fal
                 if window.has(column + offset, row):
                     cells[column + offset, row] = character, mark.kind
     numbers = [_number_of(mark, window) for mark in shown if mark.is_numbered]
-    return cells | placed_numbers(numbers, (window.columns, window.rows), cells, streaks)
+    return cells | place_track_numbers(numbers, (window.columns, window.rows), cells, streaks)
 
 
 def _number_of(mark: Mark, window: Window) -> NumberedTrack:

@@ -11,8 +11,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.console.drawing.blocks import QUADRANTS, Blocks
-from rsoconsole.console.picture.marks import Mark, Window, marks_of
+from rsoconsole.console.drawing.blocks import QUADRANTS, BlockSet
+from rsoconsole.console.picture.marks import Mark, Window, frame_marks
 from rsoconsole.night import NightFrame
 from rsoconsole.records import Closeup
 from rsoconsole.session import SessionReader
@@ -56,7 +56,6 @@ class Picture:
     light: LightImage
     """The small picture above sky and noise, (height, width)."""
     detail: NightFrame
-    """Everything on record of the frame."""
     marks: tuple[Mark, ...] = ()
     closeup: ByteImage | None = None
     """The close-up: a part of the frame at full resolution; None: none is kept."""
@@ -75,8 +74,7 @@ class DrawnPicture:
 
     greys: ByteImage
     """Steps of grey, 0 to GREYS - 1: (blocks.down * rows, blocks.across * columns)."""
-    blocks: Blocks
-    """The block characters that the greys are made for."""
+    blocks: BlockSet
     window: Window
     px_per_square: float
     """Pixels of the frame along a square: across a cell, or down half a cell."""
@@ -96,7 +94,7 @@ def read_preview(path: Path) -> ByteImage | None:
     return np.asarray(pixels, np.uint8)
 
 
-def light_of(codes: ByteImage) -> LightImage:
+def preview_light(codes: ByteImage) -> LightImage:
     """Return a small picture's light above sky and noise: stars and streaks alone.
 
     Vignetting and moonlight are subtracted with the sky.
@@ -120,16 +118,16 @@ def _sky_of(codes: ByteImage) -> LightImage:
 
 
 def draw_field(
-    picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: Blocks = QUADRANTS
+    picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: BlockSet = QUADRANTS
 ) -> DrawnPicture:
-    """Draw the whole frame into as many of the ``columns`` x ``rows`` cells as its shape fits."""
-    columns, rows = fitted_cells(picture.aspect, columns, rows)
+    """Draw the whole frame, as large as its shape allows in ``columns`` x ``rows`` cells."""
+    columns, rows = cells_for_aspect(picture.aspect, columns, rows)
     light = _field_light(picture, stretch)
     found = picture.detail.detections
     size = (found.width_px, found.height_px) if found is not None else light.shape[::-1]
     window = Window.at((-0.5, -0.5), (float(size[0]), float(size[1])), (columns, rows))
     return DrawnPicture(
-        greys=greys(shares_of(_reduced(light, columns, rows, blocks), stretch)),
+        greys=greys(scale_to_brightness(_reduced(light, columns, rows, blocks), stretch)),
         blocks=blocks,
         window=window,
         px_per_square=window.width_px / columns,
@@ -143,7 +141,7 @@ def draw_closeup(
     rows: int,
     *,
     is_native: bool = False,
-    blocks: Blocks = QUADRANTS,
+    blocks: BlockSet = QUADRANTS,
 ) -> DrawnPicture | None:
     """Draw the middle of the close-up, a whole number of pixels to a square; None: no close-up.
 
@@ -165,7 +163,7 @@ def draw_closeup(
     light = _light(piece, shown)
     corner_px = place.x0_px + x0 - 0.5, place.y0_px + y0 - 0.5
     window = Window.at(corner_px, (float(n * columns), float(2 * n * rows)), (columns, rows))
-    made = greys(shares_of(_reduced(light, columns, rows, blocks), shown))
+    made = greys(scale_to_brightness(_reduced(light, columns, rows, blocks), shown))
     return DrawnPicture(greys=made, blocks=blocks, window=window, px_per_square=float(n))
 
 
@@ -192,7 +190,7 @@ def _light(codes: ByteImage, stretch: Stretch) -> LightImage:
     return np.sinh(light * np.float32(_LINEAR_PER_CODE) - 1.0) if stretch == "linear" else light
 
 
-def _reduced(light: LightImage, columns: int, rows: int, blocks: Blocks) -> LightImage:
+def _reduced(light: LightImage, columns: int, rows: int, blocks: BlockSet) -> LightImage:
     """Return the light of each part of a cell: its mean, or half its brightest if that is more.
 
     The mean of many squares of dark sky would hide a streak that is one square wide.
@@ -213,23 +211,23 @@ def greys(shares: LightImage) -> ByteImage:
     return np.asarray(np.round(shares * (GREYS - 1)), np.uint8)
 
 
-def shares_of(light: LightImage, stretch: Stretch) -> LightImage:
-    """Scale light to brightness, ``FLOOR`` to 1, between two percentiles of these squares.
+def scale_to_brightness(light: LightImage, stretch: Stretch) -> LightImage:
+    """Scale light to brightness, ``FLOOR`` to 1, between two percentiles of this light.
 
-    A crowded field fills every square with faint stars: the fainter ones stay dark.
+    So in a crowded field, where every square holds faint stars, the fainter ones stay dark.
     """
     low, high = (float(v) for v in np.percentile(light, _PERCENT[stretch]))
     share = np.clip((light - low) / max(high - low, _MIN_RANGE), 0.0, 1.0)
     return np.asarray(FLOOR + (1 - FLOOR) * share, np.float32)
 
 
-def shares(
+def drawn_brightness(
     picture: Picture, drawing: DrawnPicture, stretch: Stretch, *, is_field: bool
 ) -> LightImage:
-    """Return the brightness, 0 to 1, of what is drawn, at the picture's own resolution.
+    """Return the brightness, 0 to 1, of the drawn part of a picture, not reduced.
 
-    (height, width) of the small picture, or where ``is_field`` is False of the drawn part of the
-    close-up.
+    ``is_field``: True for the whole small picture, (height, width); False for the part of the
+    close-up that ``drawing`` shows.
     """
     if is_field:
         light = _field_light(picture, stretch)
@@ -242,11 +240,14 @@ def shares(
         rows, columns = round(window.height_px), round(window.width_px)
         stretch = "asinh" if stretch == "streaks" else stretch
         light = _light(picture.closeup[y0 : y0 + rows, x0 : x0 + columns], stretch)
-    return shares_of(light, stretch)
+    return scale_to_brightness(light, stretch)
 
 
-def fitted_cells(aspect: float, columns: int, rows: int) -> tuple[int, int]:
-    """Return (columns, rows) of the largest picture of an aspect; a cell is two squares high."""
+def cells_for_aspect(aspect: float, columns: int, rows: int) -> tuple[int, int]:
+    """Return (columns, rows) of the largest picture that fits.
+
+    ``aspect``: width over height of the picture. A cell is twice as high as wide.
+    """
     fitting = min(columns, max(1, round(2 * rows * aspect)))
     return fitting, min(rows, max(1, round(fitting / aspect / 2)))
 
@@ -263,9 +264,9 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
     return Picture(
         frame_id=frame_id,
         codes=codes,
-        light=light_of(codes),
+        light=preview_light(codes),
         detail=detail,
-        marks=marks_of(detail),
+        marks=frame_marks(detail),
         closeup=read_closeup(reader, detail),
         place=detail.closeup,
     )

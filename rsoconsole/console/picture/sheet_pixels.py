@@ -13,7 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.console.picture.marks import Window
-from rsoconsole.console.picture.picture import FLOOR, LightImage, Stretch, fitted_cells, shares_of
+from rsoconsole.console.picture.picture import (
+    FLOOR,
+    LightImage,
+    Stretch,
+    cells_for_aspect,
+    scale_to_brightness,
+)
 from rsoconsole.records import PixelArray
 from rsoconsole.vision import (
     CODES_PER_SIGMA,
@@ -37,7 +43,7 @@ Kind = Literal["means", "streaks"]
 Edges = npt.NDArray[np.intp]
 
 
-class SheetPixels:
+class FramePixelPyramid:
     """A frame's pixels and means over blocks of them, to be used by one thread at a time."""
 
     def __init__(self, pixels: PixelArray) -> None:
@@ -55,8 +61,8 @@ class SheetPixels:
         """Bytes of the pixels and of all means."""
         return self.pixels.nbytes + sum(level.nbytes for level in self._levels.values())
 
-    def adu(self, x_px: float, y_px: float) -> float:
-        """Return the value, ADU, of the pixel at a place; outside the frame of the nearest one."""
+    def pixel_adu(self, x_px: float, y_px: float) -> float:
+        """Return the pixel value at a place, ADU; outside the frame that of the nearest pixel."""
         height, width = self.pixels.shape
         column = min(max(math.floor(x_px + 0.5), 0), width - 1)
         row = min(max(math.floor(y_px + 0.5), 0), height - 1)
@@ -82,7 +88,7 @@ class SheetPixels:
             light = self._compressed(light, px)
         shown = "asinh" if stretch == "streaks" and kind == "means" else stretch
         shares = np.full(size, OUTSIDE, np.float32)
-        shares[inside] = shares_of(light, shown)
+        shares[inside] = scale_to_brightness(light, shown)
         return shares
 
     def _seen(
@@ -142,9 +148,9 @@ class SheetPixels:
 
 
 def block_means(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
-    """Return means over blocks of ``block`` pixels a side.
+    """Return the means over blocks of ``block`` x ``block`` pixels.
 
-    A block that the edge cuts has the mean over its part in the frame.
+    For a block cut by the frame's edge, the mean is over the part in the frame.
     """
     import cv2
 
@@ -170,7 +176,9 @@ def block_means(pixels: npt.NDArray[np.generic], block: int) -> LightImage:
     return out
 
 
-def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int = 2) -> LightImage:
+def map_brightness(
+    frame_map: FrameMap, window: Window, across: int = 1, down: int = 2
+) -> LightImage:
     """Return a window of the network's map, brightness 0 to 1: (rows * down, columns * across).
 
     ``across``, ``down``: parts of a cell of the terminal. Where a part covers several cells of the
@@ -186,7 +194,7 @@ def map_shares(frame_map: FrameMap, window: Window, across: int = 1, down: int =
 
 
 def map_snr(frame_map: FrameMap, x_px: float, y_px: float) -> float:
-    """Return the SNR at a place, pixels, by a network's map of mode ``fast``."""
+    """Return the SNR at a pixel by the network's map, which must be of mode ``fast``."""
     rows, columns = frame_map.values.shape
     row = min(max(int(frame_map.to_cells(y_px)), 0), rows - 1)
     column = min(max(int(frame_map.to_cells(x_px)), 0), columns - 1)
@@ -251,8 +259,8 @@ class ZoomedFrame:
     """Log2 of the pixels along a square's side; None: the whole frame, as large as fits."""
 
     @property
-    def farthest(self) -> int:
-        """Largest ``zoom`` at which a part of the frame is out of view; below CLOSEST: none."""
+    def farthest_zoom(self) -> int:
+        """Largest ``zoom`` that does not show the whole frame; below CLOSEST: there is none."""
         zoom = 0
         while self._has_room(zoom) and zoom >= CLOSEST:
             zoom -= 1
@@ -275,7 +283,7 @@ class ZoomedFrame:
         """The part of the frame in view; it may reach a little beyond the frame's far edges."""
         if self.zoom is None:
             aspect = self.width_px / self.height_px
-            columns, rows = fitted_cells(aspect, self.columns, self.rows)
+            columns, rows = cells_for_aspect(aspect, self.columns, self.rows)
             size = float(self.width_px), float(self.height_px)
             return Window.at((-0.5, -0.5), size, (columns, rows))
         scale = 2.0**self.zoom
@@ -289,11 +297,11 @@ class ZoomedFrame:
         return Window.at((column * scale - 0.5, square * scale - 0.5), size, (columns, rows))
 
     def zoomed(self, by: int) -> "ZoomedFrame":
-        """Return the view zoomed out by ``by`` factors of two, in for ``by`` below 0.
+        """Return the view zoomed out by ``by`` factors of two; a negative number zooms in.
 
-        The nearest view stays the nearest one, the whole frame stays the whole frame.
+        Zooming ends at the nearest view, and at the view of the whole frame.
         """
-        farthest = self.farthest
+        farthest = self.farthest_zoom
         if farthest < CLOSEST:
             return replace(self, zoom=None)
         if self.zoom is None:
@@ -307,7 +315,7 @@ class ZoomedFrame:
         return self.at(self.x_px + across * step, self.y_px + down * step)
 
     def at(self, x_px: float, y_px: float) -> "ZoomedFrame":
-        """Return the view with the cross at a pixel, or at the frame's nearest one."""
+        """Return the view with the cross at the frame's pixel nearest to this place."""
         x = min(max(x_px, 0.0), self.width_px - 1.0)
         y = min(max(y_px, 0.0), self.height_px - 1.0)
         return replace(self, x_px=x, y_px=y)
@@ -319,16 +327,16 @@ class ZoomedFrame:
         """
         squares = max(wide_px / self.columns, high_px / (2 * self.rows), 1.0)
         zoom = math.ceil(math.log2(squares))
-        return replace(self, zoom=None if zoom > self.farthest else zoom)
+        return replace(self, zoom=None if zoom > self.farthest_zoom else zoom)
 
     def resized(self, columns: int, rows: int) -> "ZoomedFrame":
-        """Return the view in another number of cells; the whole frame where that has room now."""
+        """Return the view in another number of cells, of the whole frame if that fits."""
         other = replace(self, columns=max(columns, 1), rows=max(rows, 1))
-        is_all = other.zoom is not None and other.zoom > other.farthest
+        is_all = other.zoom is not None and other.zoom > other.farthest_zoom
         return replace(other, zoom=None) if is_all else other
 
 
-def whole(width_px: int, height_px: int, columns: int, rows: int) -> ZoomedFrame:
+def whole_frame_view(width_px: int, height_px: int, columns: int, rows: int) -> ZoomedFrame:
     """Return a view of the whole frame, with the cross in its middle."""
     return ZoomedFrame(
         width_px=width_px,

@@ -12,7 +12,7 @@ from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog, dialog_box
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.screens._review_moves import ReviewMoves
+from rsoconsole.console.screens._review_moves import ReviewNavigation
 from rsoconsole.console.timeline.lines import SIGNS, recorded_controller
 from rsoconsole.console.timeline.moments import Moment
 from rsoconsole.console.timeline.timeline import KINDS, Timeline, TimelineEventKind
@@ -22,12 +22,12 @@ from rsoconsole.records import Solution
 from rsoconsole.words import (
     NS_PER_S,
     angle,
-    clock,
     duration_words,
     format_dec,
     format_ra,
     short_figure,
     signed_angle,
+    utc_text,
 )
 
 ABSENT = "-"
@@ -70,7 +70,7 @@ def _course(a: Moment, b: Moment) -> list[ComparedRow]:
     ids = [None if m.view.frame is None else m.view.frame.frame_id for m in (a, b)]
     frames = "" if ids[0] is None or ids[1] is None else f"{ids[1] - ids[0]:+d}"
     return [
-        ComparedRow(label="time", a=clock(t_a), b=clock(t_b), difference=since),
+        ComparedRow(label="time", a=utc_text(t_a), b=utc_text(t_b), difference=since),
         ComparedRow(label="frame", a=_number(ids[0]), b=_number(ids[1]), difference=frames),
         _both("state", a, b, lambda m: m.view.state),
         _both("mount", a, b, lambda m: recorded_controller(m.view)),
@@ -121,7 +121,7 @@ def _measured(a: Moment, b: Moment) -> list[ComparedRow]:
 def interval_words(a: Moment, b: Moment, timeline: Timeline) -> list[str]:
     """Return what is recorded between the moments, in lines: counts, then changed settings."""
     low, high = sorted((a.seq, b.seq))
-    first, last = timeline.index_of(low), timeline.index_of(high)
+    first, last = timeline.frame_index(low), timeline.frame_index(high)
     frames = (-1 if last is None else last) - (-1 if first is None else first)
     counts = {
         kind: sum(low < h.seq <= high for h in timeline.events if h.kind == kind) for kind in KINDS
@@ -169,7 +169,10 @@ def compare_lines(rows: list[ComparedRow], ends: list[str], width: int, height: 
 
 
 class CompareDialog(Dialog[Choice | None]):
-    """Dialog that compares A with B. Result: "blink": show the other one; "keep": B becomes A."""
+    """Dialog that compares moments A and B.
+
+    Result: "blink" to show the other moment, "keep" to make B the new A, or None.
+    """
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("B", "choose('blink')", "Blink", show=False),
@@ -198,7 +201,7 @@ class CompareDialog(Dialog[Choice | None]):
         self.query_one("#compared", LinesPane).show(lines)
 
     def action_choose(self, choice: Choice) -> None:
-        """Close with the choice of a letter."""
+        """Close with the choice whose letter was typed."""
         self.dismiss(choice)
 
 
@@ -293,8 +296,8 @@ def _matched(m: Moment) -> float | None:
     return float(solution.matched) if isinstance(solution, Solution) else None
 
 
-class ReviewCompare(ReviewMoves):
-    """Keeps a moment A; shows it beside the present moment B, or in turn with it."""
+class ReviewComparison(ReviewNavigation):
+    """Review that keeps a moment A, to compare and to alternate with the shown moment B."""
 
     _other_seq: int | None = None
     """Place of B in the log, while A is shown instead; else None."""
@@ -319,7 +322,7 @@ class ReviewCompare(ReviewMoves):
             self._compare(self.kept, moment)
 
     def compare_when_ready(self) -> None:
-        """Open the comparison, if it was requested before the moment had been read."""
+        """Do the comparison that was requested before its moment had been read, if there is one."""
         if self._is_asked_early and self.moment is not None and self.moment.seq == self.seq:
             self.action_compare()
 
@@ -339,12 +342,12 @@ class ReviewCompare(ReviewMoves):
 
     def _keep(self, moment: Moment) -> None:
         self.kept, self._other_seq = moment, None
-        self.show_place()
+        self.show_timeline()
         key = first_key("compare", self.keymap)
         self.say(f"A is kept: go to another moment, {key} compares", "good")
 
     def action_blink(self) -> None:
-        """Show A instead of B, or B instead of A."""
+        """Switch between the moments A and B."""
         if self.kept is None:
             self.say(f"{first_key('compare', self.keymap)} keeps a moment to blink with")
         elif self.seq != self.kept.seq:
@@ -361,5 +364,5 @@ class ReviewCompare(ReviewMoves):
     def action_forget_moment(self) -> None:
         """Drop moment A."""
         had_one, self.kept, self._other_seq = self.kept is not None, None, None
-        self.show_place()
+        self.show_timeline()
         self.say("A is forgotten" if had_one else "no moment is kept")

@@ -9,21 +9,21 @@ from textual.content import Content
 from textual.widgets import OptionList
 from textual.widgets.option_list import Option
 
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.dialogs.dialogs import Dialog, dialog_box
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.night import LogLine
-from rsoconsole.words import clock
+from rsoconsole.words import utc_text
 
 MAX_LOG_LINES = 60
 SAID_COLUMNS = 40
 
 
-def line_text(line: LogLine) -> str:
+def log_line_text(line: LogLine) -> str:
     """Return one line of the log in full, with its time and frame."""
     frame = f" {line.frame_id:04d}" if line.frame_id is not None else ""
-    return f"{clock(line.t_utc_ns)}{frame} {line.whole}"
+    return f"{utc_text(line.t_utc_ns)}{frame} {line.text_with_count}"
 
 
 class MessageListDialog(Dialog[str | None]):
@@ -59,16 +59,16 @@ class MessageListDialog(Dialog[str | None]):
             self.dismiss(self._messages[chosen])
 
 
-class MessageActions(Seat):
+class MessageActions(OperatorScreen):
     """Lists the messages in full, and copies what is shown."""
 
     def action_read(self) -> None:
         """List all messages in full: a STOP's state, the alert, the last notice, the log."""
         news = self.stop_news
         said = [f"STOP {news.text}"] if news is not None else []
-        said += [self.alert] if self.alert else []
+        said += [self.alert_words] if self.alert_words else []
         said += [self.last_said] if self.last_said else []
-        said += [line_text(line) for line in reversed(self.night.log[-MAX_LOG_LINES:])]
+        said += [log_line_text(line) for line in reversed(self.night.log[-MAX_LOG_LINES:])]
         if said:
             self.app.push_screen(MessageListDialog(said), self._copy)
         else:
@@ -78,7 +78,7 @@ class MessageActions(Seat):
         """Copy the open log's top line, the tuning pane, the open orbit, or state and figures."""
         if self.is_log_open:
             line = self.query_one(LogPane).top_line
-            self._copy(None if line is None else line_text(line))
+            self._copy(None if line is None else log_line_text(line))
         elif isinstance(self.focused, TunePane):
             self._copy(self.focused.text)
         else:

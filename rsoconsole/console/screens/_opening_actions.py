@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import SessionConfig
-from rsoconsole.console.actions.seat import Seat
+from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.dialogs.candidates import CandidatesDialog
 from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.frame.frame_sheet import FrameSheet
@@ -15,7 +15,7 @@ ENTER_PAUSE_S = 1.0
 """Seconds after a dialog has closed during which enter opens no frame."""
 
 
-class OpeningActions(Seat):
+class OpeningActions(OperatorScreen):
     """Opens a frame, a recorded night or the list of a frame's streaks over the panes."""
 
     def __init__(self, *arguments: Any, sessions_root: Path | None = None, **named: Any) -> None:
@@ -43,7 +43,7 @@ class OpeningActions(Seat):
                 self.night.folder,
                 shown.frame_id,
                 self.night.config,
-                status=self.top,
+                status=self.top_lines,
                 alert=self._alert_elsewhere,
                 keymap=self.keymap,
                 mark_to=self.mark_callbacks,
@@ -55,7 +55,7 @@ class OpeningActions(Seat):
         """Return the alert for a screen over this one: it covers the banner of a STOP."""
         news = self.stop_news
         stopped = f"STOP {news.text}" if news else ""
-        return " · ".join(part for part in (stopped, self.alert) if part)
+        return " · ".join(part for part in (stopped, self.alert_words) if part)
 
     def action_sessions(self) -> None:
         """List the recorded nights; the chosen one is opened for review."""
@@ -68,7 +68,7 @@ class OpeningActions(Seat):
         self.app.push_screen(SessionListDialog(self.sessions_root, self.night.folder), decided)
 
     def action_verdicts(self) -> None:
-        """List every streak of the shown frame with its outcome."""
+        """List every streak of the shown frame and whether it was followed."""
         if self.picture is None:
             self.say("no frame has been shown yet", "warn")
             return

@@ -19,14 +19,14 @@ from rsoconsole.console.drawing.pane_layout import (
     timeline_rows,
     tune_box,
 )
-from rsoconsole.console.panes.last_line import Key, action_at, key_line, notice_rows
+from rsoconsole.console.panes.last_line import Key, clicked_action, key_line, notice_rows
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.words import words
 
 DEFAULT_ASPECT = 4 / 3
 
 
-def aspect_of(picture: Picture | None) -> float:
+def frame_aspect(picture: Picture | None) -> float:
     """Return the width over height of the camera's frames; a default where there is no picture."""
     return picture.aspect if picture is not None else DEFAULT_ASPECT
 
@@ -39,22 +39,20 @@ def _put(widget: Widget, box: Box | None) -> None:
         widget.styles.width, widget.styles.height = box.width, box.height
 
 
-class PanePlaces(TrackActions):
+class PanePlacement(TrackActions):
     """Lays out a screen's panes; alert and notice take rows from the panes beside them."""
 
     PANES: ClassVar[tuple[Name, ...]]
     tune: TuneActions
     _placed_alert_rows = 0
-    """Rows of the alert for which the panes were laid out last."""
     _drawn_keys: tuple[list[Key], str] = ([], "")
-    """The keys and the notice that were drawn last."""
 
     def place_panes(self) -> None:
         """Lay out all panes for the terminal's size and for what is open."""
         width, height = self.size
         alert_rows = self._placed_alert_rows = self._alert_rows()
         over_keys = timeline_rows(height) if "timeline" in self.PANES else 0
-        aspect = aspect_of(self.picture)
+        aspect = frame_aspect(self.picture)
         boxes = pane_boxes(
             width,
             height,
@@ -74,7 +72,7 @@ class PanePlaces(TrackActions):
         _put(self.pane("orbit"), over_plots if is_orbit_over else boxes.get("orbit"))
         has_own_tune = has_tuning_column(width, height)
         is_tune_over = self.tune.is_open and not has_own_tune
-        self.place_plots(
+        self.place_page(
             over_plots, is_covered=self.is_log_open or self.is_orbit_open or is_tune_over
         )
         is_tune_seen = (self.tune.is_open or has_own_tune) and not self.is_log_open
@@ -97,16 +95,16 @@ class PanePlaces(TrackActions):
 
     def _alert_rows(self) -> int:
         """Return the rows of the alert, or of the text in its place."""
-        said = self.alert or self.intro
-        return len(words.wrapped(f" {said}", self.size.width, MAX_ALERT_ROWS)) if said else 0
+        said = self.alert_words or self.night_intro
+        return len(words.wrap_to_rows(f" {said}", self.size.width, MAX_ALERT_ROWS)) if said else 0
 
     def show_alert(self) -> None:
         """Draw the alert or the text in its place; if its rows change, lay out the panes again."""
-        pane, alert = self.pane("alert"), self.alert
-        said = alert or self.intro
+        pane, alert = self.pane("alert"), self.alert_words
+        said = alert or self.night_intro
         pane.set_class(not alert, "-calm")
         cut = f"… ({first_key('read', self.keymap)} shows all) …"
-        pane.show(lambda width, height: words.wrapped(f" {said}", width, height, cut))
+        pane.show(lambda width, height: words.wrap_to_rows(f" {said}", width, height, cut))
         if self._alert_rows() != self._placed_alert_rows:
             self.place_panes()
             self.call_after_refresh(self.handle_view_change)
@@ -114,7 +112,7 @@ class PanePlaces(TrackActions):
     # -- the last line --------------------------------------------------------------------------
 
     def show_keys(self) -> None:
-        """Draw the last line: the keys that matter now, and the notice."""
+        """Draw the last line: the most useful keys at the moment, and the notice."""
         keys, notice = self.keys, self.notice
         self._drawn_keys = keys, notice[0]
         self._place_keys()
@@ -129,8 +127,8 @@ class PanePlaces(TrackActions):
             pane.styles.offset = (0, height - rows)
 
     async def on_click(self, event: Click) -> None:
-        """Run the action of a clicked key of the last line."""
-        action = action_at(event, self.pane("keys"), *self._drawn_keys)
+        """Run the action of the key that was clicked in the last line."""
+        action = clicked_action(event, self.pane("keys"), *self._drawn_keys)
         if action:
             self.is_click = True
             try:

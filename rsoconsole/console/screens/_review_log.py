@@ -11,7 +11,7 @@ from textual.strip import Strip
 from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.screens._review_moves import ReviewMoves
+from rsoconsole.console.screens._review_moves import ReviewNavigation
 from rsoconsole.console.tuning.lines import TuneWords
 from rsoconsole.night import LogLine
 
@@ -19,7 +19,9 @@ HERE = "▸"
 
 
 class ReviewLogPane(LogPane):
-    """Log pane of a review: lines after the shown moment are dim; open, one line is chosen."""
+    """Log pane of a review: lines after the shown moment are dim; while it is open, one has the
+    cursor.
+    """
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "choose(-1)", "Line above", show=False),
@@ -48,22 +50,22 @@ class ReviewLogPane(LogPane):
         """Show all lines of the log, and choose the last one up to the moment ``seq``."""
         self.seq = seq
         self.show(lines)
-        self.choose_near(seq)
+        self.choose_line_near(seq)
 
-    def choose_near(self, seq: int) -> None:
-        """Choose the last line up to ``seq``; without one the oldest line."""
+    def choose_line_near(self, seq: int) -> None:
+        """Choose the last line recorded up to the place ``seq``, else the oldest line."""
         found = self.found
         before = [line for line in found if line.seq <= seq]
         self.chosen = before[0] if before else found[-1] if found else None
         self._reveal()
 
     def close(self) -> None:
-        """Choose no line, and show every line again."""
+        """Clear the choice and the filter, so that every line is shown again."""
         self.chosen = None
         self.filter("")
 
     def action_choose(self, by: int) -> None:
-        """Move the cursor down by ``by`` lines; below 0 up."""
+        """Choose the line ``by`` lines further down; a negative number moves up."""
         found = self.found
         if self.chosen is None or self.chosen not in found:
             return
@@ -71,18 +73,18 @@ class ReviewLogPane(LogPane):
         self._reveal()
 
     def action_choose_page(self, by: int) -> None:
-        """Move the cursor down by ``by`` pages; below 0 up."""
+        """Choose the line ``by`` pages further down; a negative number moves up."""
         self.action_choose(by * max(self.size.height - 2, 1))
 
     def action_choose_end(self, is_newest: bool) -> None:
-        """Choose the newest or the oldest line."""
+        """Choose the newest line, or with ``is_newest`` False the oldest one."""
         found = self.found
         if found:
             self.chosen = found[0 if is_newest else -1]
             self._reveal()
 
     async def on_click(self, event: events.Click) -> None:
-        """Choose the clicked line; a click on the chosen line goes to its moment."""
+        """Choose the clicked line; if it is chosen already, go to its moment."""
         index = event.y - self._title_rows + self.scroll_offset.y
         if self.chosen is None or not 0 <= index < len(self._rows):
             return
@@ -123,7 +125,7 @@ class ReviewLogPane(LogPane):
 class ReviewTuneActions(TuneActions):
     """The tuning pane of a review: figures up to the shown moment; no setting is sent."""
 
-    _seat: ReviewMoves
+    _seat: ReviewNavigation
     _is_of_all = False
 
     @property
@@ -134,20 +136,20 @@ class ReviewTuneActions(TuneActions):
         which = "the last frames" if self._is_of_all else "all frames"
         return TuneWords(
             frames=frames,
-            of_present=self.of_present(),
+            of_present=self.frames_with_present_settings(),
             keys=f"{scope} {which}  u undo  w save  o load",
         )
 
-    def scope(self) -> tuple[int | None, int | None]:
+    def figures_scope(self) -> tuple[int | None, int | None]:
         """Return what the figures cover: the moment's ``seq``, and how many last frames.
 
         The second is None for all frames.
         """
-        return self._seat.seq, None if self._is_of_all else self.last_frames()
+        return self._seat.seq, None if self._is_of_all else self.last_frame_count()
 
-    def change_scope(self) -> None:
-        """Compute over all frames up to the moment, or again over the last ones."""
+    def change_figures_scope(self) -> None:
+        """Switch the figures between all frames up to the moment and the last of them."""
         self._is_of_all = not self._is_of_all
         self.show()
-        self.compute()
+        self.request_figures()
         self._seat.say(f"tune: {self.words.frames}")

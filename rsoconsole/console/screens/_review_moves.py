@@ -11,10 +11,10 @@ from rsoconsole.console.panes.panes import MomentField, TimelinePane
 from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import (
     SIGNS,
-    Place,
+    TimelineMarks,
     cell_end_utc_ns,
     place_words,
-    reading_words,
+    reading_progress_words,
 )
 from rsoconsole.console.timeline.moments import Moment
 from rsoconsole.console.timeline.timeline import (
@@ -23,52 +23,48 @@ from rsoconsole.console.timeline.timeline import (
     Timeline,
     TimelineEventKind,
     parse_place,
-    seq_of,
     speed_words,
+    typed_place_seq,
 )
 from rsoconsole.night import LogLine
 
 ANY, FOUND = "any", "found"
 PLAY_S = 0.1
-"""Seconds between two steps of playing."""
 _IN_FRAME = frozenset(("Miss", "NotFollowed", "NotSolved", "StateChange"))
 """Kinds of log lines whose moment is the end of their frame."""
 
 
-class ReviewMoves(NightScreen):
-    """Where a review is in its night, and its moves; the derived screen reads and draws."""
+class ReviewNavigation(NightScreen):
+    """Base of the review: its place in the night, and the keys that change that place."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self.folder: Path | None = None
         self.timeline = Timeline()
         self.lines: tuple[LogLine, ...] = ()
-        """The lines of the log, as far as it has been read."""
         self.moment: Moment | None = None
         """The shown moment; None before the first one is read."""
         self.kept: Moment | None = None
         """Moment A, to compare with; None: none is kept."""
         self.seq = 0
-        """The requested moment, as a place in the log."""
         self.is_at_head = False
         """True where the review follows a night that goes on, and shows its last frame."""
         self.kind: str = ANY
         """Kind of event to jump to; ``ANY``: all; ``FOUND``: lines that a search has found."""
         self.searched = ""
-        """Text for which the log was searched last."""
         self.player = Player()
         self._played_s = 0.0
 
     def want(self, seq: int) -> None:
         """Request a moment by its place in the log; empty here, the screen overrides it."""
 
-    def show_place(self) -> None:
+    def show_timeline(self) -> None:
         """Draw the time line; empty here, the screen overrides it."""
 
     # -- where ----------------------------------------------------------------------------------
 
     def go(self, seq: int | None) -> bool:
-        """Go to a moment by its place in the log, and stop playing; False: ``seq`` is None."""
+        """Stop playing and go to a place of the log; return False if ``seq`` is None."""
         if seq is None:
             self.say("the session has no frames", "warn")
             return False
@@ -96,14 +92,14 @@ class ReviewMoves(NightScreen):
         self.go(self.timeline.step(0, 1))
 
     def action_last_frame(self) -> None:
-        """Go to the night's last frame, and follow the night if it goes on."""
+        """Go to the last frame; while the night goes on, show each new frame from then on."""
         self.go(self.timeline.step(self.timeline.last_seq, 0))
 
     def on_timeline_pane_pointed(self, message: TimelinePane.Pointed) -> None:
         """Go to the last frame begun by the time at the mouse on the time line."""
         timeline = self.timeline
         t_utc_ns = cell_end_utc_ns(timeline, message.column, message.columns)
-        seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
+        seq = None if t_utc_ns is None else timeline.frame_end_seq_at_time(t_utc_ns)
         if seq != self.seq:
             self.go(seq)
 
@@ -130,7 +126,7 @@ class ReviewMoves(NightScreen):
     def go_to_text(self, text: str) -> None:
         """Go to a frame or a time given as text; a notice says why if there is no such moment."""
         try:
-            self.go(seq_of(parse_place(text), self.timeline))
+            self.go(typed_place_seq(parse_place(text), self.timeline))
         except ValueError as error:
             self.say(str(error), "warn")
 
@@ -138,20 +134,20 @@ class ReviewMoves(NightScreen):
 
     @property
     def kinds(self) -> tuple[TimelineEventKind, ...]:
-        """Kinds of events that a jump stops at."""
+        """Kinds of events at which the keys for the next and the previous event stop."""
         return tuple(kind for kind in KINDS if self.kind in {ANY, kind})
 
     @property
     def found(self) -> tuple[int, ...]:
-        """Moments of the log's lines that the search found, as places; empty for other kinds."""
+        """Places in the log of the lines that a search found; empty unless jumps go there."""
         if self.kind != FOUND:
             return ()
         wanted = self.searched.lower()
-        return tuple(self.moment_of(line) for line in self.lines if wanted in line.text.lower())
+        return tuple(self.moment_seq(line) for line in self.lines if wanted in line.text.lower())
 
-    def moment_of(self, line: LogLine) -> int:
-        """Return the moment at which a line of the log is shown, as a place in the log."""
-        index = self.timeline.index_of(line.seq)
+    def moment_seq(self, line: LogLine) -> int:
+        """Return the place in the log at which to show a line: its own, or the end of its frame."""
+        index = self.timeline.frame_index(line.seq)
         if line.kind not in _IN_FRAME or index is None:
             return line.seq
         return self.timeline.frame_end_seq(index)
@@ -163,8 +159,8 @@ class ReviewMoves(NightScreen):
             what = f"{self.searched!r}"
         else:
             event = self.timeline.next_event(self.seq, self.kinds, is_on=is_on)
-            seq = None if event is None else self.timeline.moment_of(event)
-            what = self.kind if seq is None else ", ".join(self.timeline.kinds_at(seq))
+            seq = None if event is None else self.timeline.moment_seq(event)
+            what = self.kind if seq is None else ", ".join(self.timeline.event_kinds_at(seq))
         if seq is None:
             what = "event" if what == ANY else what
             unread = "" if self.timeline.is_whole else " in what has been read so far"
@@ -186,11 +182,11 @@ class ReviewMoves(NightScreen):
         self.kind = kinds[(at + 1) % len(kinds)]
         count = len(self.found) if self.kind == FOUND else 0
         count += sum(each.kind in self.kinds for each in self.timeline.events)
-        self.show_place()
-        self.say(f"events: {self.kind_words} ({count} in the night)")
+        self.show_timeline()
+        self.say(f"events: {self.jump_kind_words} ({count} in the night)")
 
     @property
-    def kind_words(self) -> str:
+    def jump_kind_words(self) -> str:
         """The kind of event to jump to, in words."""
         if self.kind == FOUND:
             return f"log has {self.searched!r}"
@@ -210,11 +206,11 @@ class ReviewMoves(NightScreen):
             self.is_at_head = False
             self.player.begin(self.timeline, self.seq)
             self._played_s = time.monotonic()
-        self.show_place()
+        self.show_timeline()
         self.show_keys()
 
-    def play_on(self) -> None:
-        """While playing, go on to the frame that is due by now."""
+    def show_due_frame(self) -> None:
+        """Show the frame that is due by now; do nothing while paused."""
         if not self.player.is_playing:
             return
         now_s = time.monotonic()
@@ -223,12 +219,12 @@ class ReviewMoves(NightScreen):
         if seq != self.seq:
             self.want(seq)
         elif not self.player.is_playing:
-            self.show_place()
+            self.show_timeline()
             self.show_keys()
 
     def _change_speed(self, by: int) -> None:
         self.player.change(by)
-        self.show_place()
+        self.show_timeline()
         self.say(f"speed: {speed_words(self.player.speed)} of what it was")
 
     action_slower = partialmethod(_change_speed, -1)
@@ -237,9 +233,9 @@ class ReviewMoves(NightScreen):
     # -- in words -------------------------------------------------------------------------------
 
     @property
-    def place(self) -> Place:
+    def place(self) -> TimelineMarks:
         """What the time line marks: the shown moment, moment A, the events to jump to."""
-        return Place(
+        return TimelineMarks(
             seq=self.seq,
             words=tuple(word for word in self._place_words() if word),
             kept_seq=self.kept.seq if self.kept is not None else None,
@@ -262,8 +258,8 @@ class ReviewMoves(NightScreen):
         return [
             *place_words(timeline, self.seq, t_utc_ns),
             pace,
-            reading_words(timeline),
+            reading_progress_words(timeline),
             partly,
-            self.kind_words,
+            self.jump_kind_words,
             kept,
         ]

@@ -10,10 +10,10 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.console.actions.command_outcomes import CommandOutcomes
 from rsoconsole.console.actions.mark_actions import late_mark_reason
 from rsoconsole.console.actions.nudge_actions import NudgeActions
-from rsoconsole.console.actions.second_press import TwicePressed, has_track
+from rsoconsole.console.actions.second_press import TwoPressKeys, has_track
 from rsoconsole.console.actions.streak_actions import StreakActions
 from rsoconsole.console.actions.telescope_actions import TelescopeActions
-from rsoconsole.console.actions.track_actions import TrackOrders
+from rsoconsole.console.actions.track_actions import LiveTrackActions
 from rsoconsole.console.commands.keymap import bindings, first_key
 from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.dialogs.candidates import MARKED, CandidatesDialog
@@ -21,13 +21,13 @@ from rsoconsole.console.dialogs.dialogs import LeaveDialog
 from rsoconsole.console.dialogs.tour import intro_text
 from rsoconsole.console.frame.sheet_actions import MarkCallbacks
 from rsoconsole.console.night.engine_view import EngineView
-from rsoconsole.console.panes.last_line import Key, Mode, keys_for
+from rsoconsole.console.panes.last_line import Key, Mode, live_keys
 from rsoconsole.console.picture.picture import Picture
-from rsoconsole.console.screens._pane_places import aspect_of
+from rsoconsole.console.screens._pane_places import frame_aspect
 from rsoconsole.console.screens.night_screen import KNOWN, Draw, NightScreen
 from rsoconsole.console.screens.review import HEAD, ReviewScreen
 from rsoconsole.console.watches.messages import Pointed
-from rsoconsole.console.watches.sheet_worker import detail_of
+from rsoconsole.console.watches.sheet_worker import read_night_frame
 from rsoconsole.console.words import words
 from rsoconsole.control import (
     Command,
@@ -37,14 +37,14 @@ from rsoconsole.control import (
     Outcome,
     Shutdown,
     StopNews,
-    holder_words,
     motion_words,
+    mount_holder_words,
 )
 from rsoconsole.night import NightView
 from rsoconsole.session import SessionReader
 
 
-class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
+class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
     """The operator's screen of a night that goes on, or of a session shown read-only."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
@@ -52,7 +52,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
-        self.twice = TwicePressed(self)
+        self.twice = TwoPressKeys(self)
         self.streaks = StreakActions(self, self.twice)
         self.telescope = TelescopeActions(self, self.twice, self.take_back_drop)
         # Textual looks for an action at the screen alone.
@@ -62,7 +62,11 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
                     setattr(self, name, getattr(part, name))
 
     def on_key(self, event: events.Key) -> None:
-        """Give arrows and enter to an unfinished mark; any new key ends a waiting second press."""
+        """Pass arrows and enter to an unfinished mark.
+
+        A key other than the last one cancels a command that waits for the second press of its
+        key.
+        """
         if event.key != self._key_before:
             self.twice.press.forget()
         self._key_before = event.key
@@ -73,14 +77,14 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     # -- what is known ----------------------------------------------------------------------
 
     def update_night(self, night: NightView, picture: Picture | None) -> None:
-        """Take the night's new state, or another night, and its newest picture."""
-        has_other_shape = aspect_of(picture) != aspect_of(self.picture)
+        """Show a new state of the night, or another night, with its newest picture."""
+        has_other_shape = frame_aspect(picture) != frame_aspect(self.picture)
         if night.folder != self.night.folder:
-            self.drop_mark()
+            self.drop_mark_on_new_session()
             self.streaks.forget_choice()
         before, self.night = self.night, night
         self.report_refusals(before)
-        self.telescope.note_refused(self.refused_since(before))
+        self.telescope.handle_refused_verbs(self.refused_verbs_since(before))
         self.report_mark_result(before)
         self.receive_picture(picture)
         if has_other_shape:
@@ -93,13 +97,13 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         if before.holder != self.engine.holder:
             # Whatever was said of it is done, or undone: the first line has it now.
             self.forget_notice()
-        self.telescope.note_control_change(before)
-        self.check_failed_stop()
+        self.telescope.handle_control_change(before)
+        self.end_failed_stop_alarm()
 
     def handle_outcome(
         self, command: Command, stops: int, seq: int, then: Command | None, outcome: Outcome
     ) -> None:
-        """Handle the engine's answer to a command. Arguments as in ``Seat.handle_outcome``."""
+        """Handle the engine's answer to a command. Arguments as in the base class."""
         self.telescope.handle_outcome(command, outcome)
         if isinstance(command, Nudge):
             self.is_nudging = False
@@ -114,8 +118,8 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             self.streaks.click(message)
 
     def stop(self) -> None:
-        """Send STOP, and cancel every press that waits to act."""
-        self.telescope.note_stop()
+        """Send STOP, and cancel every command that waits for a second press of its key."""
+        self.telescope.handle_stop()
         self.twice.press.forget()
         super().stop()
 
@@ -145,32 +149,32 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             self.show_log()
 
     def stop_words(self, news: StopNews) -> str:
-        """Return the state of a STOP in words; once it has ended, with the next key."""
+        """Return the state of a STOP in words; after its end also the key to press next."""
         said, engine = super().stop_words(news), self.engine
         if news.phase != "stopped" or not engine.is_attached or engine.holder != "nobody":
             return said
         arm = first_key("arm_or_disarm", self.keymap)
-        kept = self.kept_words or (f"{arm} arms it again",)
+        kept = self.kept_track_words or (f"{arm} arms it again",)
         return f"{said}. {engine.state}: disarmed. {kept[0]}"
 
     @property
-    def alert(self) -> str:
-        """Request for control and the alert, in words; empty: neither."""
+    def alert_words(self) -> str:
+        """Another console's request for control, and the alert, in words; empty: neither."""
         give, keep = (first_key(name, self.keymap) for name in ("give_seat", "keep_seat"))
-        asker = self.asker
+        asker = self.control_requester
         asked = f"{asker} asks for control: {give} gives it, {keep} keeps it" if asker else ""
         said = words.alert_text(self.night, self.engine)
         return " · ".join(part for part in (asked, said) if part)
 
     @property
-    def intro(self) -> str:
+    def night_intro(self) -> str:
         """Introduction to a simulated night in words; empty for other nights."""
         return intro_text(self.night, self.engine, self.keymap)
 
     @property
     def keys(self) -> list[Key]:
         """The keys that the last line shows."""
-        return keys_for(
+        return live_keys(
             self.engine,
             can_act=self.can_act,
             mode=self.mode,
@@ -186,7 +190,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
     # -- the console's own keys -----------------------------------------------------------------
 
     def action_leave(self) -> None:
-        """Ask whether the engine is to keep running, if there is one, then leave."""
+        """Leave the console; while an engine runs, first ask whether to keep it running."""
         if self.read_only or not self.engine.is_attached:
             self.app.exit("quit")
             return
@@ -197,7 +201,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             elif choice == "stop engine":
                 self.send(Shutdown())
 
-        holder = holder_words(self.engine.holder, "seat")
+        holder = mount_holder_words(self.engine.holder, "seat")
         text = f"The engine is running: {self.engine.state or 'state not known'}, {holder}."
         is_moving = bool(self.engine.is_slewing)
         if is_moving:
@@ -219,12 +223,12 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
         if self.marking is None:
             if self.is_log_open:
                 self.action_log()
-            if self.covers_picture():
+            if self.is_picture_covered():
                 self.action_orbit()
         super().action_mark()
 
     def mark_refusal(self, frame_id: int) -> str:
-        """Return why a frame takes no mark from this console; empty: the frame takes one."""
+        """Return why a frame accepts no mark from this console; empty: it accepts one."""
         if not self.can_act:
             return f"no mark in frame {frame_id}: no engine takes one from this console"
         return late_mark_reason(self.engine, frame_id)
@@ -240,7 +244,10 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             return f"mark sent, frame {mark.frame_id} …"
 
         return MarkCallbacks(
-            send=send, begin=self.begin_mark, leave=self.leave_mark, refusal=self.mark_refusal
+            send=send,
+            begin=self.begin_mark,
+            leave=self.release_marked_frame,
+            refusal=self.mark_refusal,
         )
 
     def action_verdicts(self) -> None:
@@ -254,7 +261,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
             super().action_verdicts()
             return
         try:
-            marked = detail_of(SessionReader(folder), marked_id)
+            marked = read_night_frame(SessionReader(folder), marked_id)
         except RsoconsoleError as error:
             self.say(str(error), "warn")
             return
@@ -264,7 +271,7 @@ class LiveScreen(NightScreen, TrackOrders, CommandOutcomes, NudgeActions):
 
     def action_note(self) -> None:
         """Ask for a note, which is recorded in the session."""
-        if not self.may_act():
+        if not self.check_can_act():
             return
 
         def decided(text: str | None) -> None:

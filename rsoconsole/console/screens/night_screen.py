@@ -1,4 +1,4 @@
-"""The screen that live night and review share: the panes, and the keys that only look."""
+"""Base of the live screen and the review: a night's panes, and the keys for the view."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -18,23 +18,23 @@ from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import FramePane, LinesPane, StopBanner
 from rsoconsole.console.screens._message_list import MessageActions
 from rsoconsole.console.screens._opening_actions import OpeningActions
-from rsoconsole.console.screens._pane_places import PanePlaces
+from rsoconsole.console.screens._pane_places import PanePlacement
 from rsoconsole.console.tuning.tuning_pane import TunePane
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.console.watches.watch import OutlookWatch
 from rsoconsole.console.words import words
-from rsoconsole.console.words.facts import fact_lines
+from rsoconsole.console.words.facts import figure_lines
 from rsoconsole.console.words.sky_view import sky_lines
-from rsoconsole.control import AnswerSeat, StopNews
+from rsoconsole.control import AnswerControlRequest, StopNews
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Outlook
+    from rsoconsole.pipeline import SkyOutlook
 
 Draw = Callable[[], None]
 
 
 class ChangedPartsDrawer:
-    """Draws a screen's parts after changes, each part once for all changes of one message."""
+    """Drawer of a screen's changed parts; a part is drawn once for all changes by one message."""
 
     def __init__(self, screen: Screen[None], table: Mapping[Draw, Iterable[str]]) -> None:
         """``table``: each drawing function with the names of the reactives that it draws."""
@@ -69,7 +69,7 @@ class ChangedPartsDrawer:
 KNOWN = ("night", "engine", "outlook", "orbit_ahead")
 
 
-class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
+class NightScreen(PanePlacement, PictureActions, MessageActions, OpeningActions):
     """Base of live screen and review: the panes of a night, and the keys that only look."""
 
     PANES: ClassVar[tuple[Name, ...]] = (
@@ -101,7 +101,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         )
 
     def compose(self) -> ComposeResult:
-        """Make every pane; their places depend on the terminal."""
+        """Make every pane; ``place_panes`` lays them out."""
         yield LinesPane(id="top")
         yield LinesPane(id="alert")
         yield FramePane(self.picture_words, id="frame")
@@ -135,7 +135,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
     # -- the parts, their panes and messages --------------------------------------------------
 
     def on_tune_pane_wanted(self, message: TunePane.Wanted) -> None:
-        """Do what one of the tuning pane's keys requested."""
+        """Handle a request posted by one of the tuning pane's keys."""
         message.stop()
         self.tune.handle_pane_request(message)
 
@@ -146,7 +146,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
 
     # -- what is known ----------------------------------------------------------------------
 
-    def update_outlook(self, outlook: "Outlook") -> None:
+    def update_outlook(self, outlook: "SkyOutlook") -> None:
         """Take the outlook for the next hours, and draw the sky."""
         self.outlook = outlook
         self.pane("sky").show(partial(sky_lines, self.night.config, outlook))
@@ -163,7 +163,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
             self.tune.show: ("night",),
             self.show_top: KNOWN,
             self.show_orbit: KNOWN,
-            self.show_facts: KNOWN,
+            self.show_figures: KNOWN,
             self.show_alert: KNOWN,
             self.show_keys: KNOWN,
         }
@@ -175,15 +175,15 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
 
     def show_top(self) -> None:
         """Draw the first line."""
-        self.pane("top").show(self.top)
+        self.pane("top").show(self.top_lines)
 
     def show_orbit(self) -> None:
         """Draw the orbit pane."""
         self.pane("orbit").show(partial(orbit_lines, self.orbit))
 
-    def show_facts(self) -> None:
+    def show_figures(self) -> None:
         """Draw the pane of figures."""
-        lines = partial(fact_lines, self.night, self.engine, self.outlook, keymap=self.keymap)
+        lines = partial(figure_lines, self.night, self.engine, self.outlook, keymap=self.keymap)
         self.pane("facts").show(lines)
 
     @property
@@ -215,7 +215,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         return f"STOP {news.text}"
 
     def action_log(self) -> None:
-        """Give the whole screen to the log, or take it back."""
+        """Give the whole screen to the log; pressed again, show the other panes."""
         self.is_log_open = not self.is_log_open
         self.place_panes()
         log = self.query_one(LogPane)
@@ -261,7 +261,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
             LineDialog("filter the log", "nothing: every line", log.wanted), decided
         )
 
-    def covers_picture(self) -> bool:
+    def is_picture_covered(self) -> bool:
         """True where the open orbit pane lies over the picture."""
         picture, orbit = self.query_one("#frame"), self.pane("orbit")
         is_there = self.is_orbit_open and picture.display
@@ -273,7 +273,7 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
         self.tune.action_tune()
 
     def action_put_away(self) -> None:
-        """Close the first that is open: log, STOP's banner, orbit, page, filter, notice."""
+        """Close the first open one of: log, STOP banner, orbit, page, filter, notice."""
         log = self.query_one(LogPane)
         if self.is_log_open and log.wanted and log.always_shown:
             self.clear_filter()
@@ -291,28 +291,28 @@ class NightScreen(PanePlaces, PictureActions, MessageActions, OpeningActions):
             self.say("")
 
     def action_leave(self) -> None:
-        """Leave the console; a screen that asks first overrides this."""
+        """Leave the console; a derived screen may ask first."""
         self.app.exit("quit")
 
     # -- whose control it is --------------------------------------------------------------------
 
     @property
-    def asker(self) -> str | None:
-        """The console that asks for control while this one has control; None: none asks."""
+    def control_requester(self) -> str | None:
+        """The console that requests control from this one; None: no request, or no control here."""
         is_ours = bool(self.seat_name) and self.engine.seat == self.seat_name
         return self.engine.seat_asked_by if is_ours else None
 
     def answer_control_request(self, *, gives: bool) -> None:
-        """Give control to the console that asks for it, or with ``gives`` False keep it."""
-        if self.asker is None:
+        """Give control to the console that requests it; with ``gives`` False refuse the request."""
+        if self.control_requester is None:
             self.say("nobody asks for control")
         else:
-            self.send(AnswerSeat(gives=gives, to=self.asker))
+            self.send(AnswerControlRequest(gives=gives, to=self.control_requester))
 
     def action_give_seat(self) -> None:
         """Give control to the console that asks for it."""
         self.answer_control_request(gives=True)
 
     def action_keep_seat(self) -> None:
-        """Keep control though another console asks for it."""
+        """Refuse another console's request for control."""
         self.answer_control_request(gives=False)

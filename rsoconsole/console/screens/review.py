@@ -22,24 +22,22 @@ from rsoconsole.console.panes.last_line import Key, Mode, review_keys
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.panes.panes import FramePane, MomentField, Sight, TimelinePane
 from rsoconsole.console.picture.picture import DrawnPicture, Picture
-from rsoconsole.console.screens._compare import ReviewCompare
-from rsoconsole.console.screens._pane_places import aspect_of
+from rsoconsole.console.screens._compare import ReviewComparison
+from rsoconsole.console.screens._pane_places import frame_aspect
 from rsoconsole.console.screens._review_log import ReviewLogPane, ReviewTuneActions
 from rsoconsole.console.screens._review_moves import ANY, FOUND, PLAY_S
 from rsoconsole.console.screens.night_screen import NightScreen
-from rsoconsole.console.timeline.lines import recorded_engine, review_top_lines, timeline_lines
+from rsoconsole.console.timeline.lines import recorded_engine_view, review_top_lines, timeline_lines
 from rsoconsole.console.timeline.moments import Moment, ReviewWatch
 from rsoconsole.console.timeline.timeline import Player, Timeline
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.night import LogLine, NightView
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Outlook
+    from rsoconsole.pipeline import SkyOutlook
 
 LIVE_S = 0.5
-"""Seconds between two updates from the live night behind the review."""
 LINES = 200
-"""Number of lines in the log's small pane."""
 OUTLOOK_GOOD_NS = 600 * 10**9
 OUTLOOK_AFTER_S = 0.7
 """Seconds that a moment must stay before its outlook is computed."""
@@ -47,7 +45,7 @@ HEAD = "head"
 """Value of ``start`` for the last frame of a night that goes on, which the review then follows."""
 
 
-class ReviewScreen(ReviewCompare):
+class ReviewScreen(ReviewComparison):
     """The review of a recorded night, or of the night that goes on."""
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("review")]
@@ -67,7 +65,7 @@ class ReviewScreen(ReviewCompare):
         live: NightScreen | None = None,
         **named: Any,
     ) -> None:
-        """Make the review; further arguments as for ``Seat``.
+        """Make the review; further arguments as for ``OperatorScreen``.
 
         ``folder``: session to show; None: ask which.
         ``start``: a frame, a UTC time or ``HEAD``; empty: the first frame.
@@ -92,11 +90,11 @@ class ReviewScreen(ReviewCompare):
         yield MomentField()
 
     def on_mount(self) -> None:
-        """Start to read the session; without one, ask which to show."""
+        """Start to read the session; if none is given, ask for one."""
         self._watch_session.start()
-        self.set_interval(PLAY_S, self.play_on)
+        self.set_interval(PLAY_S, self.show_due_frame)
         if self._live is not None:
-            self.set_interval(LIVE_S, self.show_live)
+            self.set_interval(LIVE_S, self.show_live_state)
         folder, start = self._first
         if folder is None:
             self.call_after_refresh(self.action_sessions)
@@ -116,9 +114,9 @@ class ReviewScreen(ReviewCompare):
         self.kind, self.searched, self.player = ANY, "", Player()
         self.night, self.picture, self.outlook = NightView(folder=folder), None, None
         self.orbit_ahead = None
-        self.engine = recorded_engine(self.night)
+        self.engine = recorded_engine_view(self.night)
         self._watch_session.follow(folder)
-        self.show_place()
+        self.show_timeline()
 
     # -- what is known ----------------------------------------------------------------------
 
@@ -134,8 +132,8 @@ class ReviewScreen(ReviewCompare):
             if last is not None and last != self.seq:
                 self.want(last)
         self._ask_outlook()
-        self.show_place()
-        self.show_live()
+        self.show_timeline()
+        self.show_live_state()
         if self.is_log_open:
             self.show_log()
 
@@ -156,13 +154,13 @@ class ReviewScreen(ReviewCompare):
         """Show a moment that has been read, and what is computed for it."""
         if folder != self.folder:
             return
-        has_other_shape = aspect_of(moment.picture) != aspect_of(self.picture)
+        has_other_shape = frame_aspect(moment.picture) != frame_aspect(self.picture)
         self.moment, self.night, self.picture = moment, moment.view, moment.picture
-        self.engine, self.outlook = recorded_engine(moment.view), self.outlook
+        self.engine, self.outlook = recorded_engine_view(moment.view), self.outlook
         if has_other_shape and moment.picture is not None:
             self.place_panes()
         self._ask_outlook()
-        self.show_place()
+        self.show_timeline()
         self.compare_when_ready()
         self._compute_here()
 
@@ -176,7 +174,9 @@ class ReviewScreen(ReviewCompare):
         self.tune.figures = (None, None)
         self.tune.show()
         if not self.player.is_playing:
-            self._when_it_stays(lambda: self.tune.compute() if self.tune.pane.display else None)
+            self._when_it_stays(
+                lambda: self.tune.request_figures() if self.tune.pane.display else None
+            )
 
     def _ask_outlook(self) -> None:
         """Request the outlook once the moment stays: its computation takes the processor."""
@@ -194,50 +194,50 @@ class ReviewScreen(ReviewCompare):
         self.seq = seq
         if self.folder is not None:
             self._watch_session.want(self.folder, seq)
-        self.show_place()
+        self.show_timeline()
 
     # -- what is shown ----------------------------------------------------------------------
 
-    def show_live(self) -> None:
+    def show_live_state(self) -> None:
         """Draw what depends on the live night behind: first line, alert and keys."""
         self.show_top()
         self.show_alert()
         self.show_keys()
 
-    def validate_outlook(self, outlook: "Outlook | None") -> "Outlook | None":
-        """Return the outlook; None where it is for another time than the moment."""
+    def validate_outlook(self, outlook: "SkyOutlook | None") -> "SkyOutlook | None":
+        """Return the outlook if it is for about the shown moment, else None; called by Textual."""
         now = self.night.last_utc_ns or 0
         is_near = outlook is not None and abs(outlook.t_utc_ns - now) <= OUTLOOK_GOOD_NS
         return outlook if is_near else None
 
-    def show_place(self) -> None:
+    def show_timeline(self) -> None:
         """Draw the time line."""
         lines = partial(timeline_lines, self.timeline, self.place)
         self.query_one("#timeline", TimelinePane).show(lines)
 
-    def top(self, width: int, rows: int) -> list[Line]:
+    def top_lines(self, width: int, rows: int) -> list[Line]:
         """Build the first lines: that this is a review, the state then, and the live state."""
         live = None if self._live is None else (self._live.night, self._live.engine)
         found = target_words(self.orbit)
         return review_top_lines(self.night, self.engine, live, width, rows, found=found)
 
     @property
-    def alert(self) -> str:
+    def alert_words(self) -> str:
         """The live night's alert, then why the session cannot be read; empty: neither."""
-        live = "" if self._live is None else self._live.alert
+        live = "" if self._live is None else self._live.alert_words
         return " · ".join(part for part in (f"LIVE: {live}" if live else "", self._fault) if part)
 
     def picture_words(
         self, picture: Picture | None, sight: Sight, drawing: DrawnPicture | None
     ) -> tuple[list[str], list[str]]:
-        """Return title and caption; the frame's number also where the frame has no picture."""
+        """Return the picture's title and caption; for a frame without a picture only its number."""
         frame = self.night.frame
         if picture is not None or sight != "field":
             return super().picture_words(picture, sight, drawing)
         return ["no frame yet" if frame is None else f"frame {frame.frame_id:04d}"], []
 
     def show_picture(self) -> None:
-        """Draw the picture of the moment's own frame; without one say so."""
+        """Draw the picture of the moment's frame; if there is none, the pane says so."""
         absent = "no picture of it was kept" if self.night.frame is not None else "no frame yet"
         if self.moment is None:
             absent = "" if self.folder is None else "reading …"
@@ -300,8 +300,8 @@ class ReviewScreen(ReviewCompare):
                 self.action_log()
             pane = self.query_one("#log", ReviewLogPane)
             pane.filter(wanted)
-            pane.choose_near(self.seq)
-            self.show_place()
+            pane.choose_line_near(self.seq)
+            self.show_timeline()
             count = len(self.found)
             self.say(f"{count} lines have {wanted!r}" if wanted else "log: every line")
 
@@ -313,21 +313,21 @@ class ReviewScreen(ReviewCompare):
         line = self.query_one("#log", ReviewLogPane).chosen
         if line is not None:
             self.action_log()
-            self.go(self.moment_of(line))
+            self.go(self.moment_seq(line))
 
     # -- the rest ---------------------------------------------------------------------------
 
     def action_tune_scope(self) -> None:
         """Compute the tuning pane's figures over all frames so far, or again over the last ones."""
-        self.tune.change_scope()
+        self.tune.change_figures_scope()
 
-    def may_act(self) -> bool:
-        """Return False: a recorded night stays as it is; a notice says so."""
+    def check_can_act(self) -> bool:
+        """Return False and show a notice: a recorded night cannot be changed."""
         self.say("nothing is changed here: what is tried can be kept as a preset (w)")
         return False
 
     def answer_control_request(self, *, gives: bool) -> None:
-        """Answer for the live night behind, whose screen has the control that is asked for."""
+        """Pass the answer on to the live screen behind, which has the control that is requested."""
         if self._live is not None:
             self._live.answer_control_request(gives=gives)
 

@@ -10,19 +10,19 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
 
-from rsoconsole.console.drawing.plot import Ink, Line, joined
+from rsoconsole.console.drawing.plot import Ink, Line, join_cells_by_key
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.timeline.timeline import Timeline, TimelineEventKind
 from rsoconsole.console.words.words import (
     STATE_INKS,
+    add_right_text,
     cut_to_width,
     join_fitting_parts,
-    with_right_text,
 )
-from rsoconsole.control import holder_words
+from rsoconsole.control import mount_holder_words
 from rsoconsole.night import NightView
 from rsoconsole.records import LoopState
-from rsoconsole.words import NS_PER_S, clock, duration_words
+from rsoconsole.words import NS_PER_S, duration_words, utc_text
 
 SIGNS: dict[TimelineEventKind, str] = {
     "loss": "▼",
@@ -64,7 +64,7 @@ MIN_STRIP_COLUMNS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class TimelineMarks:
     """What the time line marks: the shown place of the log, moment A, and events."""
 
     seq: int = 0
@@ -73,12 +73,11 @@ class Place:
     kept_seq: int | None = None
     """Place of moment A, kept to compare with; None: none is kept."""
     kinds: tuple[TimelineEventKind, ...] = tuple(SIGNS)
-    """Kinds of events whose signs are shown."""
     found: tuple[int, ...] = ()
     """Places of lines that a search found; where there are any, their signs alone are shown."""
 
 
-def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) -> list[Line]:
+def timeline_lines(timeline: Timeline, place: TimelineMarks, width: int, height: int) -> list[Line]:
     """Build the time line's rows for a pane of that size.
 
     One row: words and strip.
@@ -100,7 +99,7 @@ def timeline_lines(timeline: Timeline, place: Place, width: int, height: int) ->
     ends = ("", "")
     if x:
         first, last = timeline.first_utc_ns, timeline.last_utc_ns
-        ends = (f"{clock(first, 'minute', ''):>{x - 1}} ", f" {clock(last, 'minute')}")
+        ends = (f"{utc_text(first, 'minute', ''):>{x - 1}} ", f" {utc_text(last, 'minute')}")
     line: Line = [(ends[0], "dim"), *strip, (ends[1], "dim")]
     rows = [cut_to_width(line, width), cut_to_width([(words, "title")], width)]
     return rows if height == 2 else [cut_to_width([(" " * x, ""), *events], width), *rows]
@@ -123,7 +122,7 @@ def cell_end_utc_ns(timeline: Timeline, column: int, columns: int) -> int | None
 
 
 def _strip(
-    timeline: Timeline, place: Place, columns: int, *, is_one_row: bool
+    timeline: Timeline, place: TimelineMarks, columns: int, *, is_one_row: bool
 ) -> tuple[Line, Line]:
     """Return the row of states, with the events where it is the only row, and the row of events."""
     cells = list(_states(timeline, columns))
@@ -141,7 +140,7 @@ def _strip(
             cells[column] = (sign, "here")
             if not is_one_row and row[column][0] in {" ", PIXELS}:
                 row[column] = (sign, "title")
-    return joined(cells), joined(row)
+    return join_cells_by_key(cells), join_cells_by_key(row)
 
 
 @lru_cache(maxsize=8)
@@ -249,7 +248,7 @@ def recorded_controller(night: NightView) -> str | None:
     return holders.get(night.state, "autonomy")
 
 
-def recorded_engine(night: NightView) -> EngineView:
+def recorded_engine_view(night: NightView) -> EngineView:
     """Return the engine's status at the night's moment, as far as it follows from the record."""
     return EngineView(
         reach="recorded",
@@ -278,9 +277,9 @@ def review_top_lines(
     if night.state and night.state_since_utc_ns and night.last_utc_ns:
         since_s = (night.last_utc_ns - night.state_since_utc_ns) / NS_PER_S
         state = f"{state} {duration_words(since_s)}"
-    holder = holder_words(engine.holder, "past")
+    holder = mount_holder_words(engine.holder, "past")
     name = night.folder.name if night.folder is not None else ""
-    at = f"{clock(night.last_utc_ns)} "
+    at = f"{utc_text(night.last_utc_ns)} "
     first: Line = [
         (" REVIEW ", "here"),
         ("  ", ""),
@@ -290,10 +289,10 @@ def review_top_lines(
     present = _live_words(live)
     if rows <= 1:
         line: Line = [*first, *([("  ", ""), present] if present else []), ("  ", ""), *then]
-        return [with_right_text(_with_target(line, found, width - len(at)), at, width)]
+        return [add_right_text(_with_target(line, found, width - len(at)), at, width)]
     second: Line = [(" ", ""), *([present, ("  ", "")] if present else []), *then]
     return [
-        with_right_text(first, at, width),
+        add_right_text(first, at, width),
         cut_to_width(_with_target(second, found, width), width),
     ]
 
@@ -319,23 +318,23 @@ def _live_words(live: tuple[NightView, EngineView] | None) -> tuple[str, Ink] | 
 
 
 def place_words(timeline: Timeline, seq: int, t_utc_ns: int | None) -> list[str]:
-    """Return in words which frame of how many a place is in, when, and whether it can be opened."""
+    """Return words on a place: frame, number of frames, time, whether pixels are kept."""
     count = len(timeline.frames)
     if not count:
-        return ["no frames", clock(t_utc_ns)]
-    index = timeline.index_of(seq)
+        return ["no frames", utc_text(t_utc_ns)]
+    index = timeline.frame_index(seq)
     if index is None:
-        return [f"before the first of {count} frames", clock(t_utc_ns)]
+        return [f"before the first of {count} frames", utc_text(t_utc_ns)]
     frame_id = timeline.frames[index].frame_id
     which = f"frame {frame_id:04d}" if frame_id != index + 1 else f"frame {frame_id}"
     number = f" ({index + 1} of {count})" if frame_id != index + 1 else f" of {count}"
     pixels = []
     if timeline.with_pixels:
         pixels = ["enter opens it" if frame_id in timeline.with_pixels else "pixels not kept"]
-    return [which + number, clock(t_utc_ns), *pixels]
+    return [which + number, utc_text(t_utc_ns), *pixels]
 
 
-def reading_words(timeline: Timeline) -> str:
+def reading_progress_words(timeline: Timeline) -> str:
     """Return in words how much of the log has been read; empty: all of it."""
     if timeline.is_whole or not timeline.last_seq:
         return ""

@@ -1,7 +1,7 @@
-"""A session at any place of its log, folded from the nearest checkpoint before that place.
+"""A session at any place of its log, rebuilt from the last checkpoint before it.
 
-Checkpoints are kept while the log is read. A place that has not been read yet is folded from some
-frames before it, and marked as partial.
+Checkpoints are kept while the log is read. A place that has not been read yet is rebuilt from some
+frames before it alone, and marked as partial.
 """
 
 import logging
@@ -17,9 +17,9 @@ from textual.cache import LRUCache
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import Config
-from rsoconsole.console.picture.marks import marks_of
+from rsoconsole.console.picture.marks import frame_marks
 from rsoconsole.console.picture.picture import Picture, read_picture
-from rsoconsole.console.timeline.timeline import READ_IN_FULL, FrameMark, Timeline, TimelineFold
+from rsoconsole.console.timeline.timeline import READ_IN_FULL, FrameStart, Timeline, TimelineBuilder
 from rsoconsole.control import Poller
 from rsoconsole.night import LogLine, Night, NightCheckpoint, NightFrame, NightView
 from rsoconsole.records import FrameTaken, ParameterChange, Record, StateChange
@@ -31,7 +31,6 @@ KEPT_EVERY_RECORDS = 1000
 FRAMES_BEFORE = 60
 """Frames that are folded before a moment whose place has not been read yet."""
 PICTURES, MOMENTS = 12, 4
-"""Numbers of pictures and of moments that are cached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,10 +46,10 @@ class Moment:
     """False where the fold began a few frames before, since the log had not been read so far."""
 
 
-class Moments:
-    """Reads a session and gives its moments. Its methods raise SessionError.
+class MomentReader:
+    """Reader of a session that returns its state at any place of the log; for one thread only.
 
-    To be used from one thread only.
+    Its methods raise SessionError.
     """
 
     def __init__(self, reader: SessionReader, about: dict[str, Any], config: Config | None) -> None:
@@ -61,12 +60,12 @@ class Moments:
         self._shown = self._night()
         """Fold of the records up to the moment shown last."""
         self._kept_seqs: list[int] = [0]
-        self._kept: list[NightCheckpoint] = [self._head.keep()]
+        self._kept: list[NightCheckpoint] = [self._head.checkpoint()]
         self._frames_since = 0
         self._reading: Iterator[tuple[int, int, Record]] | None = None
-        self._timeline = TimelineFold()
+        self._timeline = TimelineBuilder()
         self._outlined_seq = 0
-        self._last_frame: FrameMark | None = None
+        self._last_frame: FrameStart | None = None
         self._pictures: LRUCache[int, Picture] = LRUCache(PICTURES)
         self._moments: LRUCache[int, Moment] = LRUCache(MOMENTS)
         self._outline()
@@ -82,7 +81,7 @@ class Moments:
 
     def _course(self) -> Timeline:
         """Return the time line without the frames with pixels, which take a look into a folder."""
-        return self._timeline.so_far(self.read_seq, is_closed=self._head.is_closed)
+        return self._timeline.build_timeline(self.read_seq, is_closed=self._head.is_closed)
 
     @property
     def is_read(self) -> bool:
@@ -104,11 +103,11 @@ class Moments:
         return self._head.is_closed
 
     def close(self) -> None:
-        """Note that the session is closed."""
+        """Record that the session is closed; nothing is released."""
         self._head.close()
 
     def read_for(self, for_s: float) -> bool:
-        """Read the log for ``for_s`` seconds; return True where its end is reached before."""
+        """Read on in the log for ``for_s`` seconds; return True if its end was reached."""
         until_s = monotonic() + for_s
         # What has been fetched of the log and not taken yet is there for the next call.
         reading = self._reading or self.reader.records(since_seq=self.read_seq)
@@ -151,7 +150,7 @@ class Moments:
     def _outline(self) -> None:
         """Make an outline of the time line at once, before any record is folded."""
         read = {seq: record for seq, _, record in self.reader.records(kinds=(*READ_IN_FULL,))}
-        for seq, t_utc_ns, kind, frame_id in self.reader.outline():
+        for seq, t_utc_ns, kind, frame_id in self.reader.record_headers():
             self._timeline.receive(seq, t_utc_ns, kind, frame_id, read.get(seq))
         self._outlined_seq = self._timeline.last_seq
 
@@ -164,14 +163,14 @@ class Moments:
             seq - self._kept_seqs[-1] >= KEPT_EVERY_RECORDS
         ):
             self._kept_seqs.append(self._head.seq)
-            self._kept.append(self._head.keep())
+            self._kept.append(self._head.checkpoint())
             self._frames_since = 0
-        self._head.take(t_utc_ns, record, seq)
+        self._head.fold_record(t_utc_ns, record, seq)
         if seq > self._outlined_seq:
             frame_id = getattr(record, "frame_id", None)
             self._timeline.receive(seq, t_utc_ns, type(record).__name__, frame_id, record)
         if isinstance(record, FrameTaken):
-            self._last_frame = FrameMark(seq, t_utc_ns, record.frame_id)
+            self._last_frame = FrameStart(seq, t_utc_ns, record.frame_id)
 
     def _end_frame(self, *, is_over: bool) -> None:
         """Put the last frame's outcome on the time line, once it is known."""
@@ -179,7 +178,7 @@ class Moments:
         row = self._head.row(mark.frame_id) if mark is not None else None
         if mark is None or row is None or not (is_over or self._head.is_closed):
             return
-        self._timeline.receive_row(row, mark)
+        self._timeline.receive_frame_outcome(row, mark)
         self._last_frame = None
 
     # -- one moment -----------------------------------------------------------------------------
@@ -188,20 +187,20 @@ class Moments:
         """Fold the log to a place, from the nearest checkpoint or the moment shown last."""
         at = bisect_right(self._kept_seqs, seq) - 1
         if not self._kept_seqs[at] <= self._shown.seq <= seq:
-            self._shown.go_back(self._kept[at])
+            self._shown.restore(self._kept[at])
         self._fold_on(self._shown, seq)
         return self._shown
 
     def _fold_near(self, seq: int) -> Night:
         """Fold the log to a place from ``FRAMES_BEFORE`` frames before it."""
         timeline = self._course()
-        index = timeline.index_of(seq)
+        index = timeline.frame_index(seq)
         first = 0 if index is None else timeline.frames[max(index - FRAMES_BEFORE, 0)].seq - 1
         night = self._night()
         for at, t_utc_ns, record in self.reader.records(kinds=(StateChange, ParameterChange)):
             if at > min(first, seq):
                 break
-            night.take(t_utc_ns, record, at)
+            night.fold_record(t_utc_ns, record, at)
         night.forget_log()
         self._fold_on(night, seq, since_seq=first)
         return night
@@ -213,7 +212,7 @@ class Moments:
         for at, t_utc_ns, record in self.reader.records(since_seq=start):
             if at > seq:
                 return
-            night.take(t_utc_ns, record, at)
+            night.fold_record(t_utc_ns, record, at)
 
     def _picture(self, view: NightView, detail: NightFrame) -> Picture | None:
         if view.frame is None:
@@ -225,7 +224,7 @@ class Moments:
             if known is None:
                 return None
         if known.detail != detail:
-            known = replace(known, detail=detail, marks=marks_of(detail), place=detail.closeup)
+            known = replace(known, detail=detail, marks=frame_marks(detail), place=detail.closeup)
         self._pictures[frame_id] = known
         return known
 
@@ -256,7 +255,7 @@ class ReviewWatch(Poller):
         super().__init__("review", LOOK_S)
         self._on_timeline, self._on_moment, self._on_fault = on_timeline, on_moment, on_fault
         self._folder: Path | None = None
-        self._moments: Moments | None = None
+        self._moments: MomentReader | None = None
         self._wanted: tuple[Path, int] | None = None
         self._shown: Moment | None = None
         self._reported_s = 0.0
@@ -266,15 +265,15 @@ class ReviewWatch(Poller):
     def follow(self, folder: Path) -> None:
         """Read that session from now on; may be called from any thread."""
         self._folder = folder
-        self.look_now()
+        self.poll_now()
 
     def want(self, folder: Path, seq: int) -> None:
-        """Request a moment; may be called from any thread.
+        """Request the moment at a place of a session's log; may be called from any thread.
 
-        An earlier request that still waits is dropped.
+        It replaces an earlier request that still waits.
         """
         self._wanted = (folder, seq)
-        self.look_now()
+        self.poll_now()
 
     def _look(self) -> None:
         folder = self._folder
@@ -306,9 +305,9 @@ class ReviewWatch(Poller):
         self._report(moments, is_due=has_all)
         self._show_again(moments)
         if not has_all:
-            self.look_now()
+            self.poll_now()
 
-    def _opened(self, folder: Path) -> Moments:
+    def _opened(self, folder: Path) -> MomentReader:
         reader = SessionReader(folder)
         try:
             config = reader.config()
@@ -316,11 +315,11 @@ class ReviewWatch(Poller):
             log.warning("%s", error)
             config = None
         self._shown, self._reported = None, None
-        moments = Moments(reader, reader.about(), config)
+        moments = MomentReader(reader, reader.read_meta(), config)
         self._report(moments, is_due=True)
         return moments
 
-    def _show_wanted(self, moments: Moments) -> bool:
+    def _show_wanted(self, moments: MomentReader) -> bool:
         """Show the requested moment; return True if there was one."""
         wanted, self._wanted = self._wanted, None
         if wanted is None or wanted[0] != moments.reader.folder:
@@ -328,18 +327,18 @@ class ReviewWatch(Poller):
         self._show(moments, wanted[1])
         return True
 
-    def _show_again(self, moments: Moments) -> None:
+    def _show_again(self, moments: MomentReader) -> None:
         """Show a partial moment once more, as soon as the log has been read up to it."""
         shown = self._shown
         if shown is not None and not shown.is_whole and shown.seq <= moments.read_seq:
             self._show(moments, shown.seq)
 
-    def _show(self, moments: Moments, seq: int) -> None:
+    def _show(self, moments: MomentReader, seq: int) -> None:
         self._shown = moments.at(seq)
         if not self._is_closing:
             self._on_moment(moments.reader.folder, self._shown)
 
-    def _report(self, moments: Moments, *, is_due: bool) -> None:
+    def _report(self, moments: MomentReader, *, is_due: bool) -> None:
         """Report a changed time line; while the log is still being read, only now and then."""
         now_s = time.monotonic()
         # Telling costs in proportion to the night, here and where it is drawn.
@@ -351,10 +350,10 @@ class ReviewWatch(Poller):
             self._reported, self._reported_s = reported, now_s
             self._on_timeline(moments.reader.folder, moments.timeline(), moments.log())
 
-    def _see_whether_closed(self, moments: Moments) -> None:
+    def _see_whether_closed(self, moments: MomentReader) -> None:
         now_s = time.monotonic()
         if moments.is_closed or now_s - self._checked_s < CLOSED_CHECK_S:
             return
         self._checked_s = now_s
-        if moments.reader.about().get("is_closed") is True:
+        if moments.reader.read_meta().get("is_closed") is True:
             moments.close()

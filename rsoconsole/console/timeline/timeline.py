@@ -1,7 +1,7 @@
 """The time line of a night: its frames, the loop's states, its events.
 
-A place is a number of the log (``seq``). A frame reaches from its record ``FrameTaken`` to the
-record before the next one; at its last place the whole frame is shown.
+A place is the number (``seq``) of a record in the log. A frame reaches from its record
+``FrameTaken`` to the record before the next one; at its last place the whole frame is shown.
 """
 
 import re
@@ -13,7 +13,7 @@ from itertools import pairwise
 from statistics import median_high
 from typing import Literal, NamedTuple
 
-from rsoconsole.console.words.panels import likeliest_refused
+from rsoconsole.console.words.panels import likeliest_refused_streak
 from rsoconsole.control import BeginMark, Note
 from rsoconsole.night import FrameRow
 from rsoconsole.records import (
@@ -26,7 +26,7 @@ from rsoconsole.records import (
     Record,
     StateChange,
 )
-from rsoconsole.words import NS_PER_S, clock
+from rsoconsole.words import NS_PER_S, utc_text
 
 TimelineEventKind = Literal["miss", "rejection", "loss", "operator", "note", "alarm"]
 KINDS: tuple[TimelineEventKind, ...] = ("miss", "rejection", "loss", "operator", "note", "alarm")
@@ -34,16 +34,16 @@ _OF_FRAMES: frozenset[TimelineEventKind] = frozenset(("miss", "rejection", "loss
 """Kinds of events whose moment is the end of their frame."""
 
 
-class FrameMark(NamedTuple):
-    """Start of a frame."""
+class FrameStart(NamedTuple):
+    """Start of a frame: its place in the log, its time, its number."""
 
     seq: int
     t_utc_ns: int
     frame_id: int
 
 
-class StateMark(NamedTuple):
-    """Start of a state of the loop."""
+class StateStart(NamedTuple):
+    """Start of a state of the loop: its place in the log, its time, the state."""
 
     seq: int
     t_utc_ns: int
@@ -60,12 +60,11 @@ class TimelineEvent(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Timeline:
-    """The time line of a night, as far as it is recorded; compared by identity."""
+    """Time line of a night, as far as it is recorded; two are equal only if identical."""
 
-    frames: tuple[FrameMark, ...] = ()
-    states: tuple[StateMark, ...] = ()
+    frames: tuple[FrameStart, ...] = ()
+    states: tuple[StateStart, ...] = ()
     events: tuple[TimelineEvent, ...] = ()
-    """Events in the order of the log."""
     first_utc_ns: int | None = None
     last_utc_ns: int | None = None
     last_seq: int = 0
@@ -77,11 +76,11 @@ class Timeline:
 
     @property
     def is_whole(self) -> bool:
-        """True where the whole known log has been read."""
+        """True where the log has been read up to its last known place."""
         return self.read_seq >= self.last_seq
 
-    def index_of(self, seq: int) -> int | None:
-        """Return the index of the frame that a place is in; None: before the first frame."""
+    def frame_index(self, seq: int) -> int | None:
+        """Return the index of the frame that contains a place; None: before the first frame."""
         index = bisect_right(self.frames, seq, key=lambda mark: mark.seq) - 1
         return index if index >= 0 else None
 
@@ -91,18 +90,22 @@ class Timeline:
         return self.frames[after].seq - 1 if after < len(self.frames) else self.last_seq
 
     def frame_start_utc_ns(self, seq: int) -> int | None:
-        """Return the start of a place's frame, UTC ns; before the first frame the night's."""
-        index = self.index_of(seq)
+        """Return the start of the frame that contains a place, UTC ns.
+
+        Before the first frame, the start of the night; None: the night has no records.
+        """
+        index = self.frame_index(seq)
         return self.first_utc_ns if index is None else self.frames[index].t_utc_ns
 
     def step(self, seq: int, by: int) -> int | None:
-        """Return the last place of the frame ``by`` frames on, below 0 back; None: no frames.
+        """Return the last place of the frame ``by`` frames later, earlier for a negative number.
 
-        From a place within a frame, a step of 1 leads to that frame's own last place.
+        From a place inside a frame, a step of 1 leads to the end of that frame. None: there are no
+        frames.
         """
         if not self.frames:
             return None
-        index = self.index_of(seq)
+        index = self.frame_index(seq)
         if index is None:
             wanted = by - 1
         elif by > 0 and seq < self.frame_end_seq(index):
@@ -111,19 +114,19 @@ class Timeline:
             wanted = index + by
         return self.frame_end_seq(min(max(wanted, 0), len(self.frames) - 1))
 
-    def at_time(self, t_utc_ns: int) -> int | None:
-        """Return the last place of the newest frame begun by an instant; None: no frames.
+    def frame_end_seq_at_time(self, t_utc_ns: int) -> int | None:
+        """Return the last place of the newest frame begun by ``t_utc_ns``; None: no frames.
 
-        At an instant before the first frame, the first frame's last place.
+        For an instant before the first frame, the last place of that frame.
         """
         if not self.frames:
             return None
         index = bisect_right(self.frames, t_utc_ns, key=lambda mark: mark.t_utc_ns) - 1
         return self.frame_end_seq(max(index, 0))
 
-    def moment_of(self, event: TimelineEvent) -> int:
-        """Return the moment of an event: its own place, or its frame's last place."""
-        index = self.index_of(event.seq)
+    def moment_seq(self, event: TimelineEvent) -> int:
+        """Return the place at which to show an event: its own, or the last place of its frame."""
+        index = self.frame_index(event.seq)
         if event.kind not in _OF_FRAMES or index is None:
             return event.seq
         return self.frame_end_seq(index)
@@ -131,23 +134,24 @@ class Timeline:
     def next_event(
         self, seq: int, kinds: tuple[TimelineEventKind, ...], *, is_on: bool
     ) -> TimelineEvent | None:
-        """Return the next event of these kinds by its moment; None: there is none.
+        """Return the next event of these kinds, by the place at which it is shown; None: none.
 
-        ``is_on``: True for the next after the place ``seq``, False for the last before it.
+        ``is_on``: True for the first event after the place ``seq``, False for the last before
+        it.
         """
         chosen = [each for each in self.events if each.kind in kinds]
         if is_on:
-            at = bisect_right(chosen, seq, key=self.moment_of)
+            at = bisect_right(chosen, seq, key=self.moment_seq)
             return chosen[at] if at < len(chosen) else None
-        at = bisect_left(chosen, seq, key=self.moment_of) - 1
+        at = bisect_left(chosen, seq, key=self.moment_seq) - 1
         return chosen[at] if at >= 0 else None
 
-    def kinds_at(self, moment: int) -> tuple[TimelineEventKind, ...]:
-        """Return the kinds of the events whose moment is this place."""
-        index = self.index_of(moment)
+    def event_kinds_at(self, moment: int) -> tuple[TimelineEventKind, ...]:
+        """Return the kinds of the events that are shown at this place."""
+        index = self.frame_index(moment)
         first = 0 if index is None else self.frames[index].seq
         near = [each for each in self.events if first <= each.seq <= moment]
-        kinds = {each.kind for each in near if self.moment_of(each) == moment}
+        kinds = {each.kind for each in near if self.moment_seq(each) == moment}
         return tuple(kind for kind in KINDS if kind in kinds)
 
     def cadence_s(self) -> float:
@@ -158,23 +162,22 @@ class Timeline:
 
 
 @dataclass(slots=True)
-class TimelineFold:
+class TimelineBuilder:
     """Folds records into a time line: in outline from their kinds, in full from the records."""
 
-    _frames: list[FrameMark] = field(default_factory=list)
-    _states: list[StateMark] = field(default_factory=list)
+    _frames: list[FrameStart] = field(default_factory=list)
+    _states: list[StateStart] = field(default_factory=list)
     _events: list[TimelineEvent] = field(default_factory=list)
     _refused: list[TimelineEvent] = field(default_factory=list)
     """Rejections, which are known only when a frame has been read to its end."""
     _first_utc_ns: int | None = None
     _last_utc_ns: int | None = None
     last_seq: int = 0
-    """The last known place of the log."""
 
     def receive(
         self, seq: int, t_utc_ns: int, kind: str, frame_id: int | None, record: Record | None = None
     ) -> None:
-        """Fold the next record; ``record`` itself is needed for kinds of ``READ_IN_FULL`` alone."""
+        """Add the next record; ``record`` is needed only for the kinds in ``READ_IN_FULL``."""
         # An unreadable record stands at instant 0, and a clock that is set may go back.
         t = max(t_utc_ns, self._last_utc_ns or 0)
         if t:
@@ -182,22 +185,22 @@ class TimelineFold:
             self._last_utc_ns = t
         self.last_seq = max(self.last_seq, seq)
         if kind == FrameTaken.__name__ and frame_id is not None:
-            self._frames.append(FrameMark(seq, t, frame_id))
+            self._frames.append(FrameStart(seq, t, frame_id))
         elif kind == Miss.__name__:
             self._events.append(TimelineEvent(seq, t, "miss"))
         elif record is not None:
             if isinstance(record, StateChange):
-                self._states.append(StateMark(seq, t, record.after))
+                self._states.append(StateStart(seq, t, record.after))
             found = _kind_of(record)
             if found is not None:
                 self._events.append(TimelineEvent(seq, t, found))
 
-    def receive_row(self, row: FrameRow, mark: FrameMark) -> None:
-        """Fold the outcome of a frame that has been read to its end; ``mark``: its start."""
-        if likeliest_refused(row) is not None:
+    def receive_frame_outcome(self, row: FrameRow, mark: FrameStart) -> None:
+        """Add the outcome of a frame whose records are all read; ``mark``: the frame's start."""
+        if likeliest_refused_streak(row) is not None:
             self._refused.append(TimelineEvent(mark.seq, mark.t_utc_ns, "rejection"))
 
-    def so_far(self, read_seq: int, *, is_closed: bool) -> Timeline:
+    def build_timeline(self, read_seq: int, *, is_closed: bool) -> Timeline:
         """Return the time line of the records folded so far.
 
         ``read_seq``: place up to which the log has been read.
@@ -263,7 +266,7 @@ class Player:
         self.speed = min(SPEEDS, key=lambda speed: abs(speed - cadence_s))
 
     def change(self, by: int) -> None:
-        """Change the speed by a number of steps; below 0 slower."""
+        """Raise the speed by ``by`` steps of ``SPEEDS``; a negative number lowers it."""
         at = SPEEDS.index(self.speed) + by
         self.speed = SPEEDS[min(max(at, 0), len(SPEEDS) - 1)]
 
@@ -273,9 +276,10 @@ class Player:
         self._t_utc_ns = float(timeline.frame_start_utc_ns(seq) or 0)
 
     def after(self, timeline: Timeline, seq: int, by_s: float) -> int:
-        """Return the place to show ``by_s`` seconds after the last call.
+        """Return the place to show when ``by_s`` seconds have passed since the last call.
 
-        At the end of a closed night playing stops; in a night that goes on it waits for frames.
+        ``seq``: the place shown now. At the end of a closed night playing stops; in a night that
+        goes on it waits for frames.
         """
         following = timeline.step(seq, 1)
         if following is None or following == seq:
@@ -285,7 +289,7 @@ class Player:
         self._t_utc_ns += by_s * self.speed * 1e9
         if ahead_ns > GAP_CADENCES * timeline.cadence_s() * 1e9:
             self._t_utc_ns = float(timeline.frame_start_utc_ns(following) or 0)
-        due = timeline.at_time(round(self._t_utc_ns))
+        due = timeline.frame_end_seq_at_time(round(self._t_utc_ns))
         return seq if due is None else max(due, seq)
 
 
@@ -320,7 +324,7 @@ def parse_place(text: str) -> TypedPlace:
     raise ValueError(f"{plain!r} is no frame and no UTC time: {EXAMPLES}")
 
 
-def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
+def typed_place_seq(typed: TypedPlace, timeline: Timeline) -> int:
     """Return the last place of the typed frame, or of the newest begun by the typed time.
 
     Raises ValueError, in words for the operator, where the night has no such place.
@@ -334,9 +338,9 @@ def seq_of(typed: TypedPlace, timeline: Timeline) -> int:
         bounds = f"{numbers[0]} to {numbers[-1]}"
         raise ValueError(f"there is no frame {typed.frame_id}: frames are {bounds}")
     t_utc_ns = _instant(typed, timeline)
-    seq = None if t_utc_ns is None else timeline.at_time(t_utc_ns)
+    seq = None if t_utc_ns is None else timeline.frame_end_seq_at_time(t_utc_ns)
     if seq is None:
-        first, last = clock(timeline.first_utc_ns), clock(timeline.last_utc_ns)
+        first, last = utc_text(timeline.first_utc_ns), utc_text(timeline.last_utc_ns)
         raise ValueError(f"the session goes from {first} to {last}")
     return seq
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
-from rsoconsole.console.words.words import cut_to_width, rule, wrapped
+from rsoconsole.console.words.words import cut_to_width, draw_rule, wrap_to_rows
 from rsoconsole.night import merit
 
 if TYPE_CHECKING:
@@ -48,12 +48,12 @@ def tune_lines(
     def build(width: int, height: int) -> list[Line]:
         waiting = sum(tuning.sent.get(name) == value for name, value in tuning.changes.items())
         changed = f"{len(tuning.changes) - waiting} tried" if tuning.changes else "nothing tried"
-        if not tuning.changes and tuning.applied_words:
-            changed = f"nothing tried, {tuning.applied_words}"
+        if not tuning.changes and tuning.last_applied_words:
+            changed = f"nothing tried, {tuning.last_applied_words}"
         if waiting:
             changed = f"{waiting} sent, in force from the next frame"
         then_now = then if tuning.changes else None
-        lines: list[Line] = [rule(f"tune · {changed}", "", width)]
+        lines: list[Line] = [draw_rule(f"tune · {changed}", "", width)]
         frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
         figures = _figures(now, then_now, frames, has_changes=bool(tuning.changes))
         cautions = _comparison(tuning, now, then_now, words.of_present, width)
@@ -147,11 +147,13 @@ def _comparison(
     comparison: tuple[str, Ink] = ("no difference", "")
     if abs(total) >= ALIKE_LOG_L:
         comparison = ("better", "good") if total > 0.0 else ("worse", "warn")
-    what = tuning.against_words
+    what = tuning.trial_words
     if of_present is not None and of_present < now.frames:
         what = f"{what.partition(' against ')[0]} against as it was"
     said = f"{what}: {comparison[0]} (Δ log L {more:+.2f} over {now.frames} frames)"
-    return [[(f" {line[0][0].strip()}", comparison[1])] for line in wrapped(said, width - 1, 2)]
+    return [
+        [(f" {line[0][0].strip()}", comparison[1])] for line in wrap_to_rows(said, width - 1, 2)
+    ]
 
 
 def _cautions(

@@ -12,9 +12,9 @@ from textual.message import Message
 
 from rsoconsole.base import (
     ConfigError,
-    read_foreign,
+    parse_toml,
+    read_foreign_text,
     system_errors_as,
-    toml_of,
     value_errors_as,
     write_durably,
 )
@@ -41,8 +41,8 @@ class Tunable:
     preset: str | None = None
     """Filter preset that alone uses the setting; None: every preset does."""
 
-    def stepped(self, value: Value, by: int) -> Value:
-        """Return the value ``by`` steps on, within its bounds and rounded to three digits."""
+    def step_value(self, value: Value, by: int) -> Value:
+        """Return the value or choice ``by`` steps on, within the bounds, to three digits."""
         if self.choices:
             at = self.choices.index(str(value)) if value in self.choices else 0
             return self.choices[(at + by) % len(self.choices)]
@@ -106,7 +106,6 @@ class Tuning:
     steps: dict[str, int] = field(default_factory=dict)
     """Steps of each setting from its value in force, or from a loaded or typed value."""
     loaded: dict[str, Value] = field(default_factory=dict)
-    """Values that were loaded from a preset or typed."""
     row: int = 0
     sent: dict[str, Value] = field(default_factory=dict)
     """Values sent to the engine that the record does not show as in force yet."""
@@ -115,13 +114,13 @@ class Tuning:
 
     @property
     def tunables(self) -> tuple[Tunable, ...]:
-        """The settings used by the filter preset that is on trial, or else in force."""
+        """The settings that apply to the filter preset on trial, or else to the one in force."""
         preset = self.changes.get(PRESET, self.present.get(PRESET))
         return tuple(t for t in TUNABLES if t.preset is None or preset in (None, t.preset))
 
     @property
-    def applied_words(self) -> str:
-        """The last application in words; empty: there is none, or it is not in force yet."""
+    def last_applied_words(self) -> str:
+        """The settings applied last, in words; empty: none, or they are not in force yet."""
         before = self.before[-1] if self.before else {}
         if len(before) > 1:
             return f"{len(before)} in force"
@@ -132,7 +131,7 @@ class Tuning:
         return ""
 
     @property
-    def against_words(self) -> str:
+    def trial_words(self) -> str:
         """The settings on trial against those in force, in words: Q× 2.25 against 1."""
         if len(self.changes) != 1:
             return f"{len(self.changes)} settings tried"
@@ -141,7 +140,7 @@ class Tuning:
         return f"{label} {tunable.words(value)} against {tunable.words(self.present.get(name))}"
 
     def see(self, present: Mapping[str, Value | None]) -> None:
-        """Take the settings in force; a change that is in force now is no longer on trial."""
+        """Store the settings in force; a value that is among them is no longer on trial."""
         self.present = dict(present)
         self.row = min(self.row, len(self.tunables) - 1)
         self.changes = {n: v for n, v in self.changes.items() if self.present.get(n) != v}
@@ -150,7 +149,7 @@ class Tuning:
         self.sent = {n: v for n, v in self.sent.items() if self.changes.get(n) == v}
 
     def step(self, by: int) -> None:
-        """Put the chosen setting on trial at a value ``by`` steps from its present one."""
+        """Change the chosen setting's value on trial, at first the one in force, by steps."""
         tunable = self.tunables[self.row]
         present = self.present.get(tunable.name)
         if present is None:
@@ -158,7 +157,7 @@ class Tuning:
         before = self.steps.get(tunable.name, 0)
         steps = before + by
         from_preset = self.loaded.get(tunable.name)
-        stepped = tunable.stepped(present if from_preset is None else from_preset, steps)
+        stepped = tunable.step_value(present if from_preset is None else from_preset, steps)
         if before and stepped == self.changes.get(tunable.name):
             return  # at its bound: no step that would have to be gone back
         if (steps == 0 and from_preset is None) or stepped == present:
@@ -171,7 +170,7 @@ class Tuning:
             self.changes = {n: v for n, v in self.changes.items() if n in names}
 
     def type(self, text: str) -> str:
-        """Put the chosen setting on trial at a typed value; return the error, if any, in words."""
+        """Put a typed value of the chosen setting on trial; return the error in words, or ""."""
         tunable = self.tunables[self.row]
         if tunable.choices:
             if text not in tunable.choices:
@@ -208,7 +207,7 @@ class Tuning:
         return wanted
 
     def undo(self) -> dict[str, Value]:
-        """Return the settings to send to undo the last application; nothing stays on trial."""
+        """Return the settings that undo the last application, to be sent; clear those on trial."""
         wanted = self.before.pop() if self.before else {}
         self.changes.clear()
         self.steps.clear()
@@ -247,7 +246,7 @@ class TunePane(LinesPane, can_focus=False):
     tuning: Tuning | None = None
 
     def action_row(self, by: int) -> None:
-        """Choose the setting ``by`` rows below; below 0 above."""
+        """Choose the setting ``by`` rows below; a negative number chooses one above."""
         if self.tuning is not None:
             self.tuning.row = (self.tuning.row + by) % len(self.tuning.tunables)
             self.post_message(self.Wanted("try"))
@@ -259,11 +258,11 @@ class TunePane(LinesPane, can_focus=False):
             self.post_message(self.Wanted("try"))
 
     def action_type(self, begun: str) -> None:
-        """Request a field for a number that begins with the typed digit."""
+        """Request a text field for a number; ``begun``: the digit that was typed already."""
         self.post_message(self.Wanted("type", begun))
 
     def action_say(self, what: Wanting) -> None:
-        """Request an action from the screen."""
+        """Post the request for an action of the screen."""
         self.post_message(self.Wanted(what))
 
 
@@ -278,7 +277,7 @@ def load_presets(path: Path) -> dict[str, dict[str, Value]]:
     Raises ConfigError for a bad preset or a file that cannot be read.
     """
     try:
-        table = toml_of(read_foreign(path))
+        table = parse_toml(read_foreign_text(path))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:

@@ -12,9 +12,9 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, NAMES, Value
 from rsoconsole.control import Poller
-from rsoconsole.night import FilterUpdate, FrameRow, NightView, Quality, quality_of
-from rsoconsole.pipeline import LogOfOneSession, WhatIfProcess, WhatIfQuestion
-from rsoconsole.tracking import lag_one
+from rsoconsole.night import FilterQuality, FilterUpdate, FrameRow, NightView, filter_quality
+from rsoconsole.pipeline import SessionLogCache, WhatIfProcess, WhatIfQuestion
+from rsoconsole.tracking import lag_one_correlation
 from rsoconsole.words import NO_EFFECT
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ IDLE_S = 60.0
 
 
 class WhatIfWatch(Poller):
-    """Thread that answers the newest question alone; an older one being computed is dropped.
+    """Thread that computes the figures of the newest request, dropping older ones.
 
-    The figures as recorded are computed on the thread, those with changed settings in a process of
-    its own.
+    The figures as recorded are computed on the thread, those with changed settings in a separate
+    process.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class WhatIfWatch(Poller):
         super().__init__("what-if", IDLE_S)
         self._on_seen = on_seen
         self._asked: WhatIfQuestion | None = None
-        self._log, self._process = LogOfOneSession(), WhatIfProcess()
+        self._log, self._process = SessionLogCache(), WhatIfProcess()
 
     def ask(
         self,
@@ -51,7 +51,7 @@ class WhatIfWatch(Poller):
         until_seq: int | None = None,
         last: int | None = LAST_FRAMES,
     ) -> None:
-        """Compute the figures with changed settings; may be called from any thread.
+        """Request the figures with changed settings; may be called from any thread.
 
         ``until_seq``: last place of the log to use; None: the log's end.
         ``last``: number of last frames to use; None: all.
@@ -66,10 +66,10 @@ class WhatIfWatch(Poller):
         )
         if not (self.is_running or self._is_closing):
             self.start()
-        self.look_now()
+        self.poll_now()
 
     def prepare(self) -> None:
-        """Start the process before there is a question: its libraries take seconds to load."""
+        """Start the process before any request, since its libraries take seconds to load."""
         threading.Thread(target=self._process.start, name="what-if-start", daemon=True).start()
 
     def close(self) -> None:
@@ -92,17 +92,17 @@ class WhatIfWatch(Poller):
             self._on_seen(None, None, f"{NO_EFFECT}: {error}")
 
     def _answer(self, asked: WhatIfQuestion) -> None:
-        from rsoconsole.night import as_recorded
+        from rsoconsole.night import recorded_figures
 
-        records = self._log.until(asked.folder, asked.until_seq)
-        now = as_recorded(records, asked.last, of_lead=asked.of_lead)
+        records = self._log.records_until(asked.folder, asked.until_seq)
+        now = recorded_figures(records, asked.last, of_lead=asked.of_lead)
         then = self._process.ask(asked) if asked.changes else None
         if self._asked is None and not self._is_closing:
             self._on_seen(now, then, "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackQuality(Quality):
+class TrackQuality(FilterQuality):
     """Figures of the lead track over its last frames: filter quality, frames, misses."""
 
     frames: int
@@ -112,13 +112,13 @@ class TrackQuality(Quality):
 
     @property
     def lag_one_bound(self) -> float:
-        """Bound of ``lag_one`` that a sound filter exceeds in 5 cases of 100."""
+        """Bound that the ``lag_one`` of a consistent filter exceeds in 5 % of cases."""
         return 2.0 / math.sqrt(self.updates)
 
 
 def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | None:
     """Return the lead track's quality over its last frames; None before its first update."""
-    rows = frames_of_track(night, last)
+    rows = lead_track_frames(night, last)
     updates = [
         FilterUpdate(row.residual_arcsec, row.sigma_arcsec, row.nis)
         for row in rows
@@ -132,24 +132,24 @@ def track_quality(night: NightView, last: int = LAST_FRAMES) -> TrackQuality | N
         if (sigma := each.sigma_arcsec) is not None and min(sigma) > 0.0
     ]
     return TrackQuality(
-        **asdict(quality_of(updates)),
+        **asdict(filter_quality(updates)),
         frames=len(rows),
         misses=sum(row.miss is not None for row in rows),
-        lag_one=lag_one(in_sigmas),
+        lag_one=lag_one_correlation(in_sigmas),
     )
 
 
-def frames_of_track(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]:
-    """Return the lead track's last frames that were pointed at it and have been processed."""
+def lead_track_frames(night: NightView, last: int = LAST_FRAMES) -> list[FrameRow]:
+    """Return the last ``last`` processed frames that were pointed at the lead track."""
     first = night.track_frame_id if night.track is not None else 0
     own = (row for row in night.rows if row.frame_id >= first)
     return [row for row in own if row.was_sought and row.is_reduced][-last:]
 
 
-def count_by_present_settings(night: NightView, last: int) -> int:
+def count_present_settings_frames(night: NightView, last: int) -> int:
     """Return how many of the lead's last frames were processed with the settings in force now."""
     now = {name: night.setting(name) for name in NAMES}
     return sum(
         all(night.setting(name, row.settings) == value for name, value in now.items())
-        for row in frames_of_track(night, last)
+        for row in lead_track_frames(night, last)
     )

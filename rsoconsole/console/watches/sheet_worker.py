@@ -1,7 +1,7 @@
-"""The thread that reads one frame of a session and processes it again.
+"""Thread that reads one frame of a session and processes it again on request.
 
-Network and plate solver belong to the thread. The newest request counts: older ones that wait are
-dropped. The thread runs at low priority, for an engine that observes on the same computer.
+Network and plate solver are used by this thread alone. A new request replaces an older one that
+still waits. The thread has low priority, for the sake of an engine on the same computer.
 """
 
 import contextlib
@@ -21,8 +21,8 @@ from rsoconsole.records import MapMode
 from rsoconsole.session import SessionReader
 
 if TYPE_CHECKING:
-    from rsoconsole.console.picture.sheet_pixels import SheetPixels
-    from rsoconsole.pipeline import ComparedCandidate, RecordedFrame, Reprocessed, Reprocessor
+    from rsoconsole.console.picture.sheet_pixels import FramePixelPyramid
+    from rsoconsole.pipeline import ComparedCandidate, RecordedFrame, ReprocessedFrame, Reprocessor
     from rsoconsole.vision import FrameMap
 
 log = logging.getLogger(__name__)
@@ -39,7 +39,6 @@ class FrameSettings:
     map_mode: MapMode | None = None
     solves_again: bool = False
     wants_map: bool = False
-    """True where the network's map is wanted too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,15 +58,15 @@ class FrameOpened:
 class PixelsLoaded:
     """The frame's pixels, posted once they are read."""
 
-    pixels: "SheetPixels"
+    pixels: "FramePixelPyramid"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameProcessed:
-    """The frame processed with some settings, posted with the result."""
+    """News with the result of processing the frame with some settings."""
 
     wanted: FrameSettings
-    result: "Reprocessed"
+    result: "ReprocessedFrame"
     maps: tuple["FrameMap", ...]
 
 
@@ -83,8 +82,8 @@ class FrameFault:
 News = FrameOpened | PixelsLoaded | FrameProcessed | FrameFault
 
 
-class SheetWorker:
-    """Reads one frame, then processes it at each request, on a thread of its own."""
+class FrameReprocessor:
+    """Thread that reads one frame, then processes it again at each request."""
 
     def __init__(
         self, folder: Path, frame_id: int, config: Config | None, on_news: Callable[[News], None]
@@ -110,7 +109,7 @@ class SheetWorker:
         self._wake.set()
 
     def close(self) -> None:
-        """End the thread after what it does now."""
+        """End the thread once its present work is finished."""
         self._is_closing = True
         self._wake.set()
 
@@ -137,12 +136,17 @@ class SheetWorker:
                 processor.close()
 
     def _open(self) -> "Reprocessor | None":
-        from rsoconsole.console.picture.sheet_pixels import SheetPixels
-        from rsoconsole.pipeline import Reprocessor, compare, read_recorded_frame, recorded_frame
+        from rsoconsole.console.picture.sheet_pixels import FramePixelPyramid
+        from rsoconsole.pipeline import (
+            Reprocessor,
+            pair_candidates,
+            read_frame_records,
+            read_recorded_frame,
+        )
 
         reader = SessionReader(self._folder)
-        recorded = recorded_frame(reader, self._frame_id, self._config)
-        detail = detail_of(reader, self._frame_id)
+        recorded = read_frame_records(reader, self._frame_id, self._config)
+        detail = read_night_frame(reader, self._frame_id)
         size = recorded.path.stat().st_size if recorded.path is not None else 0
         preview = read_picture(reader, self._frame_id, detail)
         self._post(
@@ -151,7 +155,7 @@ class SheetWorker:
                 detail=detail,
                 preview=preview,
                 bytes=size,
-                candidates=compare(recorded.seen.detections, None),
+                candidates=pair_candidates(recorded.seen.detections, None),
             )
         )
         if self._is_closing:
@@ -159,7 +163,7 @@ class SheetWorker:
         frame = read_recorded_frame(recorded)
         if self._is_closing:
             return None
-        pixels = SheetPixels(frame.pixels)
+        pixels = FramePixelPyramid(frame.pixels)
         pixels.prepare_block_means()
         self._post(PixelsLoaded(pixels=pixels))
         return Reprocessor(recorded, frame)
@@ -167,7 +171,7 @@ class SheetWorker:
     def _fulfil(self, processor: "Reprocessor", wanted: FrameSettings) -> None:
         try:
             result = processor.run(wanted.tau, wanted.map_mode, solves_again=wanted.solves_again)
-            maps = processor.maps(result.map_mode) if wanted.wants_map else ()
+            maps = processor.network_maps(result.map_mode) if wanted.wants_map else ()
         except RsoconsoleError as error:
             self._post(FrameFault(text=str(error), wanted=wanted))
         except Exception as error:  # another try may go well
@@ -181,9 +185,9 @@ class SheetWorker:
             self._on_news(news)
 
 
-def detail_of(reader: SessionReader, frame_id: int) -> NightFrame:
-    """Return the record of one frame."""
+def read_night_frame(reader: SessionReader, frame_id: int) -> NightFrame:
+    """Read what a session has on record of one frame."""
     night = Night(reader.folder, {}, None)
     for _, t_utc_ns, record in reader.records(frame_id=frame_id):
-        night.take(t_utc_ns, record)
+        night.fold_record(t_utc_ns, record)
     return night.frame(frame_id)

@@ -1,7 +1,7 @@
-"""The watches of session, engine and outlook, each on a thread of its own.
+"""Threads that watch the session, the engine and the outlook, one each.
 
-They hand their results to a callback, which must return at once. A hanging engine does not block
-the reading of a session.
+Their results go to a callback, which must return at once. An engine that hangs does not block the
+reading of the session.
 """
 
 import logging
@@ -13,8 +13,13 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.base import ControlError, SessionError
 from rsoconsole.config import Config, IndiConfig
-from rsoconsole.console.night.engine_view import EngineView, OrbitAhead, engine_view, orbit_ahead
-from rsoconsole.console.picture.marks import marks_of
+from rsoconsole.console.night.engine_view import (
+    EngineView,
+    OrbitPrediction,
+    predict_orbit,
+    read_engine_view,
+)
+from rsoconsole.console.picture.marks import frame_marks
 from rsoconsole.console.picture.picture import Picture, read_closeup, read_picture
 from rsoconsole.control import AskStatus, ControlClient, Poller
 from rsoconsole.night import Night, NightView
@@ -33,7 +38,7 @@ CLOSED_CHECK_S = 2.0
 
 
 class SessionWatch(Poller):
-    """Thread that reads a session as it grows, four times a second, with its newest picture."""
+    """Thread that reads a growing session and its newest picture, four times a second."""
 
     def __init__(self, on_seen: Callable[[NightView, Picture | None], None]) -> None:
         super().__init__("session", READ_S)
@@ -49,10 +54,10 @@ class SessionWatch(Poller):
         """Settings by which the session's engine reaches its instruments; None until read."""
 
     def follow(self, folder: Path | None) -> None:
-        """Read that session from now on; None: go on as before. May be called from any thread."""
+        """Read this folder's session from now on (None: no change); callable from any thread."""
         if folder is not None and folder != self._wanted:
             self._wanted = folder
-            self.look_now()
+            self.poll_now()
 
     def _look(self) -> None:
         try:
@@ -87,7 +92,7 @@ class SessionWatch(Poller):
             config = reader.config()
         except SessionError as error:
             log.warning("%s", error)
-        self._night = night = Night(folder, reader.about(), config)
+        self._night = night = Night(folder, reader.read_meta(), config)
         self._reader, self._seq, self._picture = reader, 0, None
         self.indi = config.indi if config is not None else None
         self._show()
@@ -97,14 +102,14 @@ class SessionWatch(Poller):
         before = self._seq
         shown_s = time.monotonic()
         for seq, t_utc_ns, record in reader.records(since_seq=self._seq):
-            night.take(t_utc_ns, record, seq)
+            night.fold_record(t_utc_ns, record, seq)
             self._seq = seq
             if self._is_closing:
                 return False
             if time.monotonic() - shown_s > SHOW_WHILE_READING_S:
                 self._show()
                 shown_s = time.monotonic()
-        is_first = not night.is_read
+        is_first = not night.is_past_read
         night.mark_past_read()
         return is_first or self._seq != before or self._has_closed(reader, night)
 
@@ -113,14 +118,14 @@ class SessionWatch(Poller):
         if night.is_closed or now_s - self._closed_seen_s < CLOSED_CHECK_S:
             return False
         self._closed_seen_s = now_s
-        if reader.about().get("is_closed") is True:
+        if reader.read_meta().get("is_closed") is True:
             night.close()
             return True
         return False
 
     def _read_picture(self, reader: SessionReader, night: Night) -> bool:
         """Read the newest frame's preview that is there; True when it is another than before."""
-        for frame_id in night.newest_frames():
+        for frame_id in night.newest_frame_ids():
             if self._picture is not None and self._picture.frame_id >= frame_id:
                 return self._mark_again(reader, night)
             picture = read_picture(reader, frame_id, night.frame(frame_id))
@@ -134,7 +139,7 @@ class SessionWatch(Poller):
 
         A picture may be there before its frame's records.
         """
-        if self._picture is None or self._picture.frame_id not in night.newest_frames():
+        if self._picture is None or self._picture.frame_id not in night.newest_frame_ids():
             return False
         before = self._picture
         detail, closeup = night.frame(before.frame_id), before.closeup
@@ -143,7 +148,7 @@ class SessionWatch(Poller):
         if detail == before.detail and closeup is before.closeup:
             return False
         self._picture = replace(
-            before, detail=detail, marks=marks_of(detail), closeup=closeup, place=detail.closeup
+            before, detail=detail, marks=frame_marks(detail), closeup=closeup, place=detail.closeup
         )
         return True
 
@@ -185,7 +190,7 @@ class EngineWatch(Poller):
         if not outcome.ok:
             return replace(self._last, reach="silent", detail=outcome.message)
         self._has_met = True
-        return engine_view(outcome.data)
+        return read_engine_view(outcome.data)
 
     def _out_of_reach(self, error: ControlError) -> EngineView:
         is_gone = isinstance(error.__cause__, FileNotFoundError | ConnectionRefusedError)
@@ -206,7 +211,7 @@ class EngineWatch(Poller):
 
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Outlook
+    from rsoconsole.pipeline import SkyOutlook
 
 
 EVERY_S = 30.0
@@ -220,7 +225,7 @@ class OutlookWatch(Poller):
     """Thread that computes the outlook every half minute, and after a change of state or target."""
 
     def __init__(
-        self, on_seen: Callable[["Outlook"], None], on_orbit: Callable[[OrbitAhead], None]
+        self, on_seen: Callable[["SkyOutlook"], None], on_orbit: Callable[[OrbitPrediction], None]
     ) -> None:
         super().__init__("outlook", WAIT_S)
         self._on_seen, self._on_orbit = on_seen, on_orbit
@@ -253,9 +258,9 @@ class OutlookWatch(Poller):
             return
         self._computed_of, self._computed_s = of, time.monotonic()
         # Late: the sky's computation loads slowly, and the first paint does not wait for it.
-        from rsoconsole.pipeline import outlook
+        from rsoconsole.pipeline import sky_outlook
 
-        seen = outlook(config, now, direction, night.track)
+        seen = sky_outlook(config, now, direction, night.track)
         if not self._is_closing:
             self._on_seen(seen)
 
@@ -274,10 +279,12 @@ class OutlookWatch(Poller):
             return
         self._orbit_of, self._orbit_s = of, time.monotonic()
         try:
-            ahead = orbit_ahead(found, config, now, folder=night.folder)
+            ahead = predict_orbit(found, config, now, folder=night.folder)
         except Exception:  # an orbit is worth showing that leads nowhere
             log.exception("where the orbit leads cannot be computed")
-            ahead = OrbitAhead(folder=night.folder, estimate=found, from_utc_ns=now, outlook=None)
+            ahead = OrbitPrediction(
+                folder=night.folder, estimate=found, from_utc_ns=now, outlook=None
+            )
         if not self._is_closing:
             self._on_orbit(ahead)
 

@@ -5,15 +5,15 @@ from statistics import median_high
 from typing import Literal
 
 from rsoconsole.console.drawing.plot import Ink, Line, value_plot
-from rsoconsole.console.words.panels import NEWEST, PlotWindow, axis_lines
-from rsoconsole.console.words.words import cut_to_width, rule
-from rsoconsole.night import FRAME_FACTS, FrameFact, FrameRow, NightView
+from rsoconsole.console.words.panels import NEWEST, PlotWindow, time_axis_lines
+from rsoconsole.console.words.words import cut_to_width, draw_rule
+from rsoconsole.night import FRAME_FACTS, FrameQuantity, FrameRow, NightView
 from rsoconsole.tracking import (
     Drift,
     HourlyRate,
     PolarHint,
     SolvedPointing,
-    drift_of,
+    fit_drift,
     offsets_arcsec,
 )
 from rsoconsole.tracking import polar_hint as hint_of
@@ -23,7 +23,6 @@ Page = Literal["quality", "focus", "alignment", "tracks"]
 LOOKS = 600
 """Number of last frames to which the drift is fitted."""
 TREND_FRAMES = 10
-"""Number of last frames over which the trend of the focus is taken."""
 WORSE_MAG = 0.3
 """Magnitudes below the night's best transparency from which on it is shown as a warning."""
 DIGITS = {
@@ -41,14 +40,14 @@ DIGITS = {
 }
 
 
-def quality_lines(
+def image_quality_lines(
     rows: Sequence[FrameRow], width: int, height: int, *, window: PlotWindow = NEWEST
 ) -> list[Line]:
     """Plot FWHM, background, transparency and number of stars, one below the other.
 
     Each title has the newest frame's value and the range of all frames shown.
     """
-    marks, visible = window.rows(rows, width), window.visible(rows, width)
+    marks, visible = window.rows(rows, width), window.visible_rows(rows, width)
     best = max((row.zero_point_mag for row in window.seen(rows) if row.zero_point_mag), default=0.0)
     each = max((height - 1) // len(FRAME_FACTS), 2)
     lines: list[Line] = []
@@ -57,7 +56,7 @@ def quality_lines(
             _title(fact, [row.facts.get(fact.name) for row in visible], width, best_mag=best)
         )
         lines += value_plot([row.facts.get(fact.name) for row in marks], width, each - 1)
-    return [*lines[: height - 1], *axis_lines(marks, width, 1, window.words(rows))][:height]
+    return [*lines[: height - 1], *time_axis_lines(marks, width, 1, window.words(rows))][:height]
 
 
 def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
@@ -65,19 +64,19 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
     rows = [row for row in night.rows if row.fwhm_px is not None]
     if not rows:
         return [
-            rule("focus", "", width),
+            draw_rule("focus", "", width),
             [(" no frame has shown stars whose width it tells", "dim")],
         ]
     widths = [row.fwhm_px for row in rows if row.fwhm_px is not None]
     config = night.config
     now, best = widths[-1], min(widths)
-    lines = [rule("focus: FWHM of the stars", f"frame {rows[-1].frame_id:04d}", width)]
+    lines = [draw_rule("focus: FWHM of the stars", f"frame {rows[-1].frame_id:04d}", width)]
     lines += [[(f"  {line}", "title")] for line in large_digits(f"{now:.2f}")]
     arcsec = "" if config is None else f" = {now * config.optics.scale_arcsec_px:.1f}″"
     best_row = next(row for row in rows if row.fwhm_px == best)
     figures = f"  FWHM {now:.2f} px{arcsec}   best {best:.2f} in frame {best_row.frame_id:04d}"
     lines.append([(figures, "")])
-    words, ink = trend_words(widths)
+    words, ink = fwhm_trend_words(widths)
     lines.append([(f"  {words}", ink)])
     lines.append(
         cut_to_width(
@@ -88,12 +87,15 @@ def focus_lines(night: NightView, width: int, height: int) -> list[Line]:
     last = rows[-max((width - 6) // 2, 1) :]
     if left >= 2:
         lines += value_plot([row.fwhm_px for row in last], width, left)
-        lines += axis_lines(last, width, 1)
+        lines += time_axis_lines(last, width, 1)
     return [cut_to_width(line, width) for line in lines][:height]
 
 
-def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
-    """Return in words whether the FWHM has changed by more than its scatter; and their ink."""
+def fwhm_trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
+    """Return whether the FWHM has changed by more than its scatter, as (text, ink).
+
+    ``widths``: FWHM of the frames, pixels, oldest first.
+    """
     last = list(widths)[-TREND_FRAMES:]
     if len(last) < 4:
         return f"{len(last)} of the 4 frames that a trend takes", "dim"
@@ -112,8 +114,8 @@ def trend_words(widths: Sequence[float]) -> tuple[str, Ink]:
 def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
     """Build the page of the drift between mount and stars, field rotation and polar error."""
     looks = solved_pointings(night.rows)
-    title = rule("pointing drift and polar alignment", f"{len(looks)} solved frames", width)
-    drift = drift_of(looks)
+    title = draw_rule("pointing drift and polar alignment", f"{len(looks)} solved frames", width)
+    drift = fit_drift(looks)
     if drift is None:
         words = " five solved frames over three minutes on one side of the pier, at least"
         return [title, cut_to_width([(words, "dim")], width)][:height]
@@ -125,14 +127,14 @@ def alignment_lines(night: NightView, width: int, height: int) -> list[Line]:
         rows = [row for row in night.rows if _look(row) is not None][-len(looks) :]
         for axis, name in enumerate(("offset east", "offset north")):
             values = [float(value) for value in offsets[:, axis]]
-            lines.append(_title(FrameFact(name, name, "″", "+.0f"), values, width))
+            lines.append(_title(FrameQuantity(name, name, "″", "+.0f"), values, width))
             lines += value_plot(values, width, left - 1)
-        lines += axis_lines(rows, width, 1)
+        lines += time_axis_lines(rows, width, 1)
     return [cut_to_width(line, width) for line in lines][:height]
 
 
 def solved_pointings(rows: Sequence[FrameRow]) -> list[SolvedPointing]:
-    """Return the last solved frames' directions, each by the mount and by the plate."""
+    """Return the last solved frames' directions, both by the mount and by the plate."""
     return [look for row in rows[-LOOKS:] if (look := _look(row)) is not None]
 
 
@@ -146,16 +148,16 @@ def large_digits(text: str) -> list[str]:
 
 
 def _title(
-    fact: FrameFact, values: Sequence[float | None], width: int, *, best_mag: float = 0.0
+    fact: FrameQuantity, values: Sequence[float | None], width: int, *, best_mag: float = 0.0
 ) -> Line:
     """Return name, last value and range; ``best_mag``: the night's best zero point."""
     _, name, unit, form = fact
     known = [value for value in values if value is not None]
     now = next((value for value in reversed(values) if value is not None), None)
     if now is None:
-        return rule(f"{name}: not measured", "", width)
+        return draw_rule(f"{name}: not measured", "", width)
     shown = f"{now:{form}} {unit}".strip()
-    line = rule(f"{name} {shown}", f"{min(known):{form}} to {max(known):{form}}", width)
+    line = draw_rule(f"{name} {shown}", f"{min(known):{form}} to {max(known):{form}}", width)
     is_hazy = unit == "mag" and best_mag - now > WORSE_MAG
     return [(text, "warn" if is_hazy and ink == "title" else ink) for text, ink in line]
 
@@ -182,11 +184,11 @@ def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> li
     middle = looks[-max(drift.frames // 2, 1)]
     hour_angle_deg = float(hour_angle_icrs_deg(site, *middle.plate_icrs_deg, middle.t_utc_ns))
     hint = hint_of(drift, hour_angle_deg, site.latitude_deg)
-    return [[(f" {line}", "title" if hint.words else "dim")] for line in hint_words(hint)]
+    return [[(f" {line}", "title" if hint.words else "dim")] for line in polar_error_words(hint)]
 
 
-def hint_words(hint: PolarHint) -> list[str]:
-    """Return the polar axis's error in words, in lines that fit half of 80 columns."""
+def polar_error_words(hint: PolarHint) -> list[str]:
+    """Return the error of the polar axis in words, in lines of at most 40 columns."""
     if hint.axis == "both":
         return [
             "polar axis: here both its errors mix;",

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.leaving import coast_words, leaving_words
-from rsoconsole.console.words.words import Item, cos_deg, items_in_rows, present_utc_ns
+from rsoconsole.console.words.words import Item, cos_deg, frame_clock_utc_ns, items_in_rows
 from rsoconsole.control import (
-    is_silent,
-    limit_left_s,
+    is_mount_silent,
     limit_words,
     motion_words,
     mount_words,
     shutter_words,
+    time_to_limit_s,
 )
 from rsoconsole.night import NightView, predicted_sigma_arcsec
 from rsoconsole.records import TrackState
@@ -27,16 +27,16 @@ from rsoconsole.words import (
     NS_PER_S,
     altaz,
     angle,
-    clock,
     direction,
     due_words,
     format_dec,
     format_ra,
     short_figure,
+    utc_text,
 )
 
 if TYPE_CHECKING:
-    from rsoconsole.pipeline import Outlook
+    from rsoconsole.pipeline import SkyOutlook
 
 OLD_S = 120.0
 """Age in seconds from which on a direction is shown with its time."""
@@ -65,10 +65,10 @@ FOCUS_WORSE = 1.15
 """Factor on the night's best FWHM above which the focus is shown as a warning."""
 
 
-def fact_lines(
+def figure_lines(
     night: NightView,
     engine: EngineView,
-    outlook: "Outlook | None",
+    outlook: "SkyOutlook | None",
     width: int,
     rows: int,
     *,
@@ -78,7 +78,7 @@ def fact_lines(
 
     ``outlook``: None where it is not computed. ``keymap``: other keys for commands.
     """
-    now = present_utc_ns(night, engine)
+    now = frame_clock_utc_ns(night, engine)
     leaving = leaving_words(night, engine, now, keymap)
     place, motion = _place_items(night, engine, now), _motion_items(night, engine, now, leaving)
     mount, plate = _mount_items(engine), _plate_items(night, engine)
@@ -140,7 +140,7 @@ def _place_items(night: NightView, engine: EngineView, now: int | None) -> list[
         ra, dec = pointing.ra_icrs_deg, pointing.dec_icrs_deg
         alt, az = pointing.alt_deg, pointing.az_deg
         if (now or 0) - pointing.t_utc_ns > OLD_S * NS_PER_S:
-            word, age = f"last {word}", f"as of {clock(pointing.t_utc_ns, zone='')}"
+            word, age = f"last {word}", f"as of {utc_text(pointing.t_utc_ns, zone='')}"
     elif ra is not None and dec is not None:
         word, age, (ra, dec) = _followed(track, (ra, dec), seen_ns, now)
     first = (
@@ -163,7 +163,7 @@ def _followed(
         return "predicted ", "", at
     since_s = (now - seen_ns) / NS_PER_S
     if since_s > OLD_S:
-        return "last ", f"as of {clock(seen_ns, zone='')}", at
+        return "last ", f"as of {utc_text(seen_ns, zone='')}", at
     if track is None or track.t_utc_ns != seen_ns:
         return "predicted ", "", at
     ra, dec = at[0] + track.x[1] * since_s, at[1] + track.x[3] * since_s
@@ -174,7 +174,7 @@ def _mount_items(engine: EngineView) -> list[Item]:
     """Return the mount's direction and motion, as it reports them; an old report is a warning."""
     if not engine.is_attached:
         return []
-    ink: Ink = "warn" if is_silent(engine) else ""
+    ink: Ink = "warn" if is_mount_silent(engine) else ""
     return [(words, ink) for words in mount_words(engine)]
 
 
@@ -195,7 +195,7 @@ def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
 
 def _limit_item(engine: EngineView) -> list[Item]:
     """Return the limit that the mount reaches by tracking, where that is soon."""
-    left_s = limit_left_s(engine)
+    left_s = time_to_limit_s(engine)
     if left_s is None or left_s >= LIMIT_SOON_S:
         return []
     return [(f"limit if tracking: {limit_words(engine)}", "warn" if left_s < SOON_S else "")]
@@ -216,7 +216,7 @@ def _motion_items(
     _, ra_rate, dec, dec_rate = track.x
     east, north = predicted_sigma_arcsec(track)
     is_old = now_utc_ns is not None and now_utc_ns - track.t_utc_ns > OLD_S * NS_PER_S
-    age = f" as of {clock(track.t_utc_ns, zone='')}" if is_old else ""
+    age = f" as of {utc_text(track.t_utc_ns, zone='')}" if is_old else ""
     items: list[Item] = [
         (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
         (f"prediction 3σ {angle(3 * max(east, north))}{age}", "warn" if age else ""),
@@ -249,7 +249,7 @@ def _schedule_items(engine: EngineView) -> list[Item]:
     return [(words, "") for words in (moves, shutter_words(engine)) if words]
 
 
-def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
+def _ahead_items(outlook: "SkyOutlook | None", now: int | None) -> list[Item]:
     """Return coming events, the soonest first, then Moon and Sun."""
     if outlook is None or now is None:
         return []
@@ -277,7 +277,7 @@ def _ahead_items(outlook: "Outlook | None", now: int | None) -> list[Item]:
     return [*items, (moon, ""), (f"Sun {outlook.sun_altitude_deg:+.0f}°", "")]
 
 
-def _margin_items(outlook: "Outlook | None", before: str = "") -> list[Item]:
+def _margin_items(outlook: "SkyOutlook | None", before: str = "") -> list[Item]:
     """Return how far the telescope is from each limit, degrees; ``before``: words before them."""
     items: list[Item] = []
     for name, margin in () if outlook is None else outlook.margins_deg:

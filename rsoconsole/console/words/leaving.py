@@ -9,7 +9,7 @@ from rsoconsole.console.words.words import cos_deg
 from rsoconsole.night import ELSEWHERE, FrameRow, NightView
 from rsoconsole.records import TrackState
 from rsoconsole.sky import wrap_180
-from rsoconsole.words import NS_PER_S, clock, time_left_words
+from rsoconsole.words import NS_PER_S, time_left_words, utc_text
 
 MAX_S = 3600.0
 """Seconds ahead beyond which it is not said that a track leaves the field."""
@@ -34,7 +34,7 @@ def leaving_words(
         return ""
     if engine.is_slewing or engine.is_tracking is False:
         return ""
-    left_s = left_in_field_s(night, track, row, now_utc_ns)
+    left_s = time_left_in_field_s(night, track, row, now_utc_ns)
     if left_s is None or left_s > MAX_S:
         return ""
     name = (engine.target or "the satellite") if is_held else engine.kept
@@ -46,13 +46,13 @@ def leaving_words(
     return f"{name} leaves the field in {time_left_words(left_s)}"
 
 
-def left_in_field_s(
+def time_left_in_field_s(
     night: NightView, track: TrackState, row: FrameRow, now_utc_ns: int
 ) -> float | None:
-    """Return the seconds until a track leaves a solved frame's field; 0: it is outside.
+    """Return the time until a track leaves the field of a solved frame, s; 0: it is outside.
 
-    The field is taken to stay among the stars, the track to go on at its rates. None: the track
-    stays in the field, or the field is not known.
+    It is assumed that the field stays among the stars and that the track keeps its rates. None: the
+    track does not move in the field, or the field is not known.
     """
     if night.config is None or night.frame is None or row.plate_icrs_deg is None:
         return None
@@ -107,7 +107,7 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
     track = night.track
     if track is None or not track.misses:
         return ""
-    seen_ns = night.last_seen_utc_ns
+    seen_ns = night.last_measured_utc_ns
     parts = []
     if seen_ns is not None:
         ago = (
@@ -115,7 +115,7 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
             if now_utc_ns is None
             else f", {time_left_words((now_utc_ns - seen_ns) / NS_PER_S)} ago"
         )
-        parts.append(f"last seen {clock(seen_ns)}{ago}")
+        parts.append(f"last seen {utc_text(seen_ns)}{ago}")
     reduced = [row for row in night.rows if row.is_reduced][-track.misses :]
     elsewhere = sum(row.miss == ELSEWHERE for row in reduced)
     parts.append(f"coasted {track.misses}{f', {elsewhere} not pointed at it' if elsewhere else ''}")
@@ -131,13 +131,13 @@ def _end_words(night: NightView, track: TrackState, seen_ns: int | None) -> str:
     since_ns = track.t_utc_ns if seen_ns is None else seen_ns
     last_ns = since_ns + round(float(night.setting("filter.max_coast_s")) * NS_PER_S)
     if cadence_s <= 0.0:
-        return f"given up at {clock(last_ns)}"
+        return f"given up at {utc_text(last_ns)}"
     for more in range(1, FRAMES_COUNTED + 1):
         ahead_s = more * cadence_s
         is_late = track.t_utc_ns + ahead_s * NS_PER_S > last_ns
         if is_late or _is_unsure(night, track, ahead_s):
             return f"given up after {more} more"
-    return f"given up by {clock(last_ns)}"
+    return f"given up by {utc_text(last_ns)}"
 
 
 def _is_unsure(night: NightView, track: TrackState, ahead_s: float) -> bool:

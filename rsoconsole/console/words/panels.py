@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from rsoconsole.console.drawing.plot import (
     AXIS_COLUMNS,
     REFUSED,
-    Column,
     Ink,
     Line,
-    cells_a_frame,
+    PlotColumn,
+    cells_per_frame,
     confidence_plot,
     confidence_strip,
     nis_plot,
@@ -20,15 +20,14 @@ from rsoconsole.console.drawing.plot import (
     sparkline,
 )
 from rsoconsole.console.picture.marks import SHOWN_REJECTED
-from rsoconsole.console.words.words import cut_to_width, rule
+from rsoconsole.console.words.words import cut_to_width, draw_rule
 from rsoconsole.night import FrameRow, NightView
-from rsoconsole.pipeline import usual_sigma_s
+from rsoconsole.pipeline import usual_timing_sigma_s
 from rsoconsole.tracking import NIS_BAND, WINDOW, consistency, filter_summary_words
-from rsoconsole.words import angle, clock, short_figure, signed_angle
+from rsoconsole.words import angle, short_figure, signed_angle, utc_text
 
 MAX_FRAMES_A_MARK = 64
 LABEL_COLUMNS = 12
-"""Least columns between two times on the axis."""
 LIVE_STEP = 12
 """Marks that one key press moves the window by."""
 
@@ -55,7 +54,7 @@ class PlotWindow:
         return replace(self, back=min(max(back, 0), most))
 
     def zoomed(self, factor: float) -> "PlotWindow":
-        """Return the window with its frames to a mark multiplied by ``factor``, 2 or 0.5."""
+        """Return the window with ``factor`` (2 or 0.5) times as many frames to a mark."""
         frames = min(max(round(self.frames_a_mark * factor), 1), MAX_FRAMES_A_MARK)
         return replace(self, frames_a_mark=frames)
 
@@ -63,7 +62,7 @@ class PlotWindow:
         """Return the night's frames up to the window's right edge."""
         return rows[: len(rows) - self.back] if self.back else rows
 
-    def visible(self, rows: Sequence[FrameRow], width: int) -> Sequence[FrameRow]:
+    def visible_rows(self, rows: Sequence[FrameRow], width: int) -> Sequence[FrameRow]:
         """Return the frames shown in a plot of ``width`` columns, its axis included."""
         seen, n = self.seen(rows), self.frames_a_mark
         marks = -(-len(seen) // n)
@@ -71,7 +70,7 @@ class PlotWindow:
 
     def frames_words(self, rows: Sequence[FrameRow], width: int) -> str:
         """Return in words which of the night's frames a plot of ``width`` columns shows."""
-        visible = self.visible(rows, width)
+        visible = self.visible_rows(rows, width)
         if self.back and visible:
             return f"{visible[0].frame_id:04d}-{visible[-1].frame_id:04d} of {len(rows)}"
         is_all = len(visible) == len(rows)
@@ -82,7 +81,7 @@ class PlotWindow:
 
         ``width``: columns of the plot, whose marks alone are returned; None: all marks.
         """
-        seen = self.seen(rows) if width is None else self.visible(rows, width)
+        seen = self.seen(rows) if width is None else self.visible_rows(rows, width)
         n = self.frames_a_mark
         if n == 1:
             return tuple(seen)
@@ -96,23 +95,25 @@ class PlotWindow:
             parts.append(f"a mark is {self.frames_a_mark} frames, the worst shown")
         if 0 < self.back < len(rows):
             last = rows[len(rows) - 1 - self.back]
-            parts.append(f"to frame {last.frame_id:04d}, {clock(last.t_utc_ns, 'minute')}")
+            parts.append(f"to frame {last.frame_id:04d}, {utc_text(last.t_utc_ns, 'minute')}")
         return " · ".join(parts)
 
 
-def axis_lines(shown: Sequence[FrameRow], width: int, height: int, words: str = "") -> list[Line]:
-    """Return the line of the frames' times below their marks, ``words`` before them."""
+def time_axis_lines(
+    shown: Sequence[FrameRow], width: int, height: int, words: str = ""
+) -> list[Line]:
+    """Return the line of times below the frames' marks, after ``words``; none without room."""
     if height < 1:
         return []
     room = max(width - AXIS_COLUMNS, 0)
     visible = list(shown)[-room:] if room else []
-    cells = cells_a_frame(room, len(visible))
+    cells = cells_per_frame(room, len(visible))
     start = room - len(visible) * cells
     line = [" "] * room
     free = 0
     for number, row in enumerate(visible):
         at = start + number * cells
-        label = f"╵{clock(row.t_utc_ns, 'minute', '')}"
+        label = f"╵{utc_text(row.t_utc_ns, 'minute', '')}"
         if row.t_utc_ns and at >= free and at + len(label) <= room:
             line[at : at + len(label)] = label
             free = at + LABEL_COLUMNS
@@ -148,7 +149,7 @@ def confidence_lines(
     if height <= 1:
         label = f" conf {now} τ {short_figure(night.tau)}"
         return [_strip(label, width, confidence_strip(columns, night.tau, _strip_room(width)))]
-    title = rule(
+    title = draw_rule(
         f"confidence {now}", f"{MISS} miss {REFUSED} refused  τ {short_figure(night.tau)}", width
     )
     return [title, *confidence_plot(columns, night.tau, width, height - 1)]
@@ -170,7 +171,7 @@ def residual_lines(
     """
     place, name, strip_name = AXES[axis]
     columns = [_column(row, place) for row in window.rows(night.rows, width)]
-    newest_first = reversed(window.visible(night.rows, width))
+    newest_first = reversed(window.visible_rows(night.rows, width))
     newest = next((row for row in newest_first if row.sigma_arcsec is not None), None)
     last = None if newest is None else _column(newest, place)
     value = "" if last is None or last.value is None else signed_angle(last.value)
@@ -183,7 +184,7 @@ def residual_lines(
         label = f" {_of(of.removeprefix('track '), ':')}{strip_name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
     return [
-        rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
+        draw_rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
         *residual_plot(columns, width, height - 1),
     ]
 
@@ -203,7 +204,7 @@ def nis_lines(
     judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
-        return [rule(f"{_of(of)}NIS: no update yet", "", width)]
+        return [draw_rule(f"{_of(of)}NIS: no update yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
     frames = window.frames_words(night.rows, width)
     mean = f"{_of(of)}NIS {judged.mean:.1f} /{judged.count} (ideal 2)"
@@ -215,41 +216,42 @@ def nis_lines(
             "under-confident": "too small",
             "too few": "",
         }
-        return [rule(f"{mean} {spark} {words[judged.verdict]}", frames, width)]
+        return [draw_rule(f"{mean} {spark} {words[judged.verdict]}", frames, width)]
     columns = [
-        Column(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
+        PlotColumn(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
         for row in window.rows(night.rows, width)
     ]
     band = f"95% {NIS_BAND[0]:.2f}-{NIS_BAND[1]:.1f}"
-    title = rule(f"{mean} · {frames}", band, width)
+    title = draw_rule(f"{mean} · {frames}", band, width)
     ink: Ink = "" if judged.verdict in {"sound", "too few"} else "warn"
-    known_s = 0.0 if night.config is None else usual_sigma_s(night.config.exposure)
+    known_s = 0.0 if night.config is None else usual_timing_sigma_s(night.config.exposure)
     learnt = filter_summary_words(night.track, known_s)
     figures = " · ".join(each for each in (judged.words, learnt) if each)
     said = cut_to_width([(f" {figures}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
 
 
-def _column(row: FrameRow, axis: int) -> Column:
+def _column(row: FrameRow, axis: int) -> PlotColumn:
     bound = None if row.sigma_arcsec is None else 3.0 * row.sigma_arcsec[axis]
     if row.residual_arcsec is not None:
-        return Column(value=row.residual_arcsec[axis], bound=bound)
-    return Column(bound=bound, mark=MISS if row.miss is not None and bound is not None else "")
+        return PlotColumn(value=row.residual_arcsec[axis], bound=bound)
+    return PlotColumn(bound=bound, mark=MISS if row.miss is not None and bound is not None else "")
 
 
-def _confidence_column(row: FrameRow) -> Column:
-    refused = likeliest_refused(row)
+def _confidence_column(row: FrameRow) -> PlotColumn:
+    refused = likeliest_refused_streak(row)
     value = row.confidence if refused is None else None
     is_miss = row.is_reduced and value is None and row.was_sought
-    return Column(
+    return PlotColumn(
         value=value, mark=MISS if is_miss else "", refused=None if refused is None else refused[0]
     )
 
 
-def likeliest_refused(row: FrameRow) -> tuple[float, str] | None:
-    """Return (confidence, reason) of the likeliest refused streak; None: no streak was refused.
+def likeliest_refused_streak(row: FrameRow) -> tuple[float, str] | None:
+    """Return (confidence, reason) of the likeliest refused streak; None: there is none.
 
-    None also where the frame has an accepted streak or a likelier detection.
+    Also None if a streak of the frame was accepted, if a detection is likelier, or if the
+    confidence is below ``SHOWN_REJECTED``.
     """
     if row.is_followed or row.refused is None or row.refused[0] < SHOWN_REJECTED:
         return None
@@ -259,7 +261,7 @@ def likeliest_refused(row: FrameRow) -> tuple[float, str] | None:
 def _confidence_words(row: FrameRow | None) -> str:
     if row is None:
         return ""
-    refused = likeliest_refused(row)
+    refused = likeliest_refused_streak(row)
     if refused is not None:
         return f"{REFUSED} {short_figure(refused[0])} {refused[1]}"
     if row.confidence is not None:

@@ -3,31 +3,30 @@
 import math
 from typing import TYPE_CHECKING
 
-from rsoconsole.console.drawing.plot import Ink, Line, joined
-from rsoconsole.console.words.words import rule
+from rsoconsole.console.drawing.plot import Ink, Line, join_cells_by_key
+from rsoconsole.console.words.words import draw_rule
 from rsoconsole.sky import horizon_altitude_deg
 
 if TYPE_CHECKING:
     from rsoconsole.config import Config
-    from rsoconsole.pipeline import Outlook
+    from rsoconsole.pipeline import SkyOutlook
 
 RIM_STEPS = 240
-"""Number of points with which the horizon and the limits are drawn."""
 MOON, SUN, TARGET, MOUNT = "☾", "☼", "◆", "+"
 
 
 def sky_lines(
-    config: "Config | None", outlook: "Outlook | None", width: int, rows: int
+    config: "Config | None", outlook: "SkyOutlook | None", width: int, rows: int
 ) -> list[Line]:
     """Draw limits, geostationary belt, Moon, Sun, the mount, the target and its path."""
-    title = rule("sky", "", width)
+    title = draw_rule("sky", "", width)
     if config is None or outlook is None or rows < 4 or width < 8:
         return [title]
     disc_rows = rows - 2
     cells: dict[tuple[int, int], tuple[str, Ink]] = {}
 
     def put(altaz_deg: tuple[float, float], sign: str, ink: Ink) -> None:
-        at = place(altaz_deg, width, disc_rows)
+        at = sky_cell(altaz_deg, width, disc_rows)
         if at is not None:
             cells[at] = sign, ink
 
@@ -49,17 +48,17 @@ def sky_lines(
     for letter, az in (("N", 0.0), ("E", 90.0), ("S", 180.0), ("W", 270.0)):
         put((0.0, az), letter, "title")
     lines = [
-        joined(cells.get((column, row), (" ", "")) for column in range(width))
+        join_cells_by_key(cells.get((column, row), (" ", "")) for column in range(width))
         for row in range(disc_rows)
     ]
     legend = f" {TARGET} target • its way {MOUNT} mount ∙ belt {MOON} Moon · limits"
     return [title, *lines, [(legend[:width], "dim")]]
 
 
-def place(altaz_deg: tuple[float, float], width: int, rows: int) -> tuple[int, int] | None:
-    """Return (column, row) of a direction (altitude, azimuth), degrees; None below the horizon.
+def sky_cell(altaz_deg: tuple[float, float], width: int, rows: int) -> tuple[int, int] | None:
+    """Return the cell (column, row) of a direction (altitude, azimuth), degrees.
 
-    ``width``, ``rows``: cells of the disc, each twice as high as wide.
+    None: below the horizon. ``width``, ``rows``: the disc in cells, each twice as high as wide.
     """
     alt, az = altaz_deg
     if alt < 0.0:

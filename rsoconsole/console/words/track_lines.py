@@ -5,35 +5,39 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.words.words import Item, cut_to_width, first_shown, items_in_rows, rule
-from rsoconsole.control import NextAim, aim_parts, one_line, state_words
+from rsoconsole.console.words.words import (
+    Item,
+    cut_to_width,
+    draw_rule,
+    first_visible_index,
+    items_in_rows,
+)
+from rsoconsole.control import NextAim, next_aim_parts, one_line, track_state_words
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.records import PairMotion
 from rsoconsole.words import (
     KEPT,
     NS_PER_S,
     angle,
-    clock,
-    closest_words,
+    approach_words,
     duration_words,
-    identity,
+    identity_words,
     number,
     separation_rate_words,
     separation_words,
     signed_angle,
     tracks_words,
     unseen_words,
+    utc_text,
 )
 
 NAME_COLUMNS = (8, 24)
-"""Least and greatest width of the column of names."""
 ORBIT_WORDS = {
     "free": "free",
     "constrained by prior": "prior",
     "weak geometry": "weak",
     "not observable": "none",
 }
-"""Short words for an orbit's label."""
 MIN_AIM_ROWS = 2
 """Rows that must be left below the tracks for the next aim to be shown."""
 _RULE_CELLS = 6
@@ -72,7 +76,7 @@ def track_list_lines(
     """
     tracks = night.tracks
     if next_aim is not None and tracks and height >= len(tracks) + 3 + MIN_AIM_ROWS:
-        aim = aim_lines(next_aim, width)
+        aim = next_aim_lines(next_aim, width)
         rows = height - len(aim)
         listed = track_list_lines(night, chosen, now_utc_ns, width, rows)
         return [*listed, *aim]
@@ -80,7 +84,7 @@ def track_list_lines(
     if not tracks:
         said = [cut_to_width([(" nothing is followed", "dim")], width)]
         return [title, *said][: max(height, 1)]
-    columns = columns_for(width)
+    columns = fitting_columns(width)
 
     def row(track: FollowedTrack) -> Item:
         words = [column.words(night, track, now_utc_ns) for column in columns]
@@ -88,7 +92,7 @@ def track_list_lines(
 
     at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
     heads = _joined(columns, [column.head for column in columns], width)
-    detail = detail_lines(night, tracks[at], now_utc_ns, width)
+    detail = track_detail_lines(night, tracks[at], now_utc_ns, width)
     return [title, *_listed(tracks, at, heads, row, detail, width, height - 1)][: max(height, 1)]
 
 
@@ -110,7 +114,7 @@ def _listed(  # noqa: PLR0917 -- one call, each argument a different thing
     if len(tracks) + len(detail) > room:
         detail = detail[: max(room - len(tracks), 0)]
     room -= len(detail)
-    first = first_shown(at, len(tracks), room)
+    first = first_visible_index(at, len(tracks), room)
     lines = [cut_to_width([(f" {heads}", "dim")], width)]
     for n, track in enumerate(tracks[first : first + room], first):
         text, ink = row(track)
@@ -128,33 +132,33 @@ def _title(night: NightView, width: int) -> Line:
     signs = "* lead · + kept" if any(t.state.is_kept for t in night.tracks) else "* lead"
     rights = [f"{signs} · at most {most}", signs] if most else [signs]
     fitting = (right for right in rights if len(left) + len(right) + _RULE_CELLS <= width)
-    return rule(left, next(fitting, ""), width)
+    return draw_rule(left, next(fitting, ""), width)
 
 
 def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
-    """Return True if a track is the chosen one; ``chosen``: its id, None: the lead is chosen."""
+    """Return True if a track has the id ``chosen``; if that is None, True for the lead."""
     return track.is_lead if chosen is None else track.track_id == chosen
 
 
 def _state(track: FollowedTrack) -> str:
     """Return a track's state after the last frame; "+": the operator keeps it."""
     misses = track.state.misses
-    state = "COAST" if misses else "trial" if track.is_on_trial else "TRACK"
-    return state_words(state, misses, is_kept=track.state.is_kept)
+    state = "COAST" if misses else "trial" if track.is_tentative else "TRACK"
+    return track_state_words(state, misses, is_kept=track.state.is_kept)
 
 
 def track_name_words(night: NightView, track_id: int) -> str:
-    """Return a track's name by the catalogue, else as an unknown object; "-": none yet."""
-    return one_line(identity(night.identifications.get(track_id)))
+    """Return a track's catalogue name, or that its object is unknown; "-": none yet."""
+    return one_line(identity_words(night.identifications.get(track_id)))
 
 
-def detail_lines(
+def track_detail_lines(
     night: NightView, track: FollowedTrack, now_utc_ns: int | None, width: int
 ) -> list[Line]:
     """Return the lines of one track in full: its figures on the list, and further ones."""
     orbit = night.orbits.get(track.track_id)
     parts = [
-        f"{track.number} {track_name_words(night, track.track_id)}",
+        f"{track.number_text} {track_name_words(night, track.track_id)}",
         {"trial": "on trial: one more measurement confirms it"}.get(_state(track), _state(track)),
         KEPT if track.state.is_kept else "",
     ]
@@ -171,14 +175,14 @@ def detail_lines(
     return items_in_rows([(part, "") for part in parts if part], width, gap=" · ")
 
 
-def aim_lines(aim: NextAim, width: int) -> list[Line]:
-    """Return the lines on where the telescope looks after the next exposure, and by what policy."""
-    what, _place, *rest = aim_parts(aim)
+def next_aim_lines(aim: NextAim, width: int) -> list[Line]:
+    """Return lines on the next aim of the telescope: its policy, its time and its slew."""
+    what, _place, *rest = next_aim_parts(aim)
     return items_in_rows([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
-def columns_for(width: int) -> tuple[_Column, ...]:
-    """Return the columns that a list of that width has room for, by rank."""
+def fitting_columns(width: int) -> tuple[_Column, ...]:
+    """Return the columns that fit into a width, the least important left out first."""
     kept = list(_COLUMNS)
     while len(kept) > 2 and _taken(kept) + NAME_COLUMNS[0] > width:
         kept.remove(max(kept, key=lambda column: column.rank))
@@ -204,7 +208,7 @@ def _joined(columns: tuple[_Column, ...], words: list[str], width: int) -> str:
 def _ink(track: FollowedTrack) -> Ink:
     if track.state.misses:
         return "warn"
-    return "dim" if track.is_on_trial else "title" if track.is_lead else ""
+    return "dim" if track.is_tentative else "title" if track.is_lead else ""
 
 
 def _residual(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
@@ -230,7 +234,7 @@ def _orbit(night: NightView, track: FollowedTrack, _now: int | None) -> str:
 
 
 _COLUMNS = (
-    _Column(head="#", width=3, rank=0, words=lambda _night, track, _now: track.number),
+    _Column(head="#", width=3, rank=0, words=lambda _night, track, _now: track.number_text),
     _Column(
         head="name",
         width=0,
@@ -260,23 +264,23 @@ def neighbour_lines(night: NightView, chosen: int | None, width: int, height: in
     in the field without a track.
     """
     tracks = night.tracks
-    title = rule(f"neighbours: {len(tracks)}", "← list", width)
-    below = field_lines(night, width)
+    title = draw_rule(f"neighbours: {len(tracks)}", "← list", width)
+    below = unmatched_object_lines(night, width)
     if len(tracks) < 2:
         said = cut_to_width([(" no two are followed", "dim")], width)
         return [title, said, *below][: max(height, 1)]
 
     def row(track: FollowedTrack) -> Item:
-        pair = nearest_of(night, track.track_id)
-        text = f"{track.number:>3} {_pair_row(pair, track.track_id)}"
+        pair = nearest_pair(night, track.track_id)
+        text = f"{track.number_text:>3} {_pair_row(pair, track.track_id)}"
         return text, "warn" if pair and pair.is_close else ""
 
     at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
-    detail = [*pair_detail(night, tracks[at], width), *below]
+    detail = [*pair_detail_lines(night, tracks[at], width), *below]
     return [title, *_listed(tracks, at, _HEADS, row, detail, width, height - 1)][: max(height, 1)]
 
 
-def nearest_of(night: NightView, track_id: int) -> PairMotion | None:
+def nearest_pair(night: NightView, track_id: int) -> PairMotion | None:
     """Return the pair of a track with its nearest neighbour; None where none is known."""
     followed = {each.track_id for each in night.tracks}
     own = (
@@ -288,31 +292,31 @@ def nearest_of(night: NightView, track_id: int) -> PairMotion | None:
     return min(own, key=lambda each: each.separation_arcsec, default=None)
 
 
-def pair_detail(night: NightView, track: FollowedTrack, width: int) -> list[Line]:
+def pair_detail_lines(night: NightView, track: FollowedTrack, width: int) -> list[Line]:
     """Return the lines on a track and its nearest neighbour, each figure with its error."""
-    pair = nearest_of(night, track.track_id)
+    pair = nearest_pair(night, track.track_id)
     if pair is None:
-        return [cut_to_width([(f" {track.number}: no neighbour measured yet", "dim")], width)]
-    other = other_of(pair, track.track_id)
+        return [cut_to_width([(f" {track.number_text}: no neighbour measured yet", "dim")], width)]
+    other = neighbour_id(pair, track.track_id)
     turned = 0.0 if pair.track_id == track.track_id else 180.0
     angle_deg = (pair.position_angle_deg + turned) % 360.0
     name = track_name_words(night, other)
     parts = [
-        f"{track.number} to {other}" + ("" if name == "-" else f" {name}"),
+        f"{track.number_text} to {other}" + ("" if name == "-" else f" {name}"),
         separation_words(pair),
         f"PA {angle_deg:.1f} ± {pair.sigma_position_angle_deg:.1f}°",
         separation_rate_words(pair),
-        closest_words(pair) + (f", {pair.path} path" if pair.closest == "ahead" else ""),
+        approach_words(pair) + (f", {pair.path} path" if pair.closest == "ahead" else ""),
     ]
     ink: Ink = "warn" if pair.is_close else ""
     return items_in_rows([(part, ink) for part in parts], width, gap=" · ")
 
 
-def field_lines(night: NightView, width: int) -> list[Line]:
+def unmatched_object_lines(night: NightView, width: int) -> list[Line]:
     """Return lines on tracks without a catalogued object, and expected objects without a track."""
     parts = []
     unknown = {n for n, found in night.identifications.items() if found.verdict == "unknown"}
-    nameless = [t.number for t in night.tracks if t.track_id in unknown]
+    nameless = [t.number_text for t in night.tracks if t.track_id in unknown]
     if nameless:
         parts.append(f"not in the catalogue: {tracks_words(nameless)}")
     unseen = () if night.expected is None else night.expected.unseen
@@ -325,7 +329,7 @@ def field_lines(night: NightView, width: int) -> list[Line]:
     return items_in_rows([(part, "dim") for part in parts], width, gap=" · ")
 
 
-def other_of(pair: PairMotion, track_id: int) -> int:
+def neighbour_id(pair: PairMotion, track_id: int) -> int:
     """Return the id of a pair's other track."""
     return pair.other_track_id if pair.track_id == track_id else pair.track_id
 
@@ -333,12 +337,12 @@ def other_of(pair: PairMotion, track_id: int) -> int:
 def _pair_row(pair: PairMotion | None, track_id: int) -> str:
     if pair is None:
         return "  -"
-    at = {"now": "now", "beyond": "later"}.get(pair.closest) or clock(
+    at = {"now": "now", "beyond": "later"}.get(pair.closest) or utc_text(
         pair.closest_utc_ns, "minute", ""
     )
     rate = pair.separation_rate_arcsec_min
     change = f"{rate:+.2f}" if abs(rate) < 99.0 else f"{rate:+.0f}"
     return (
-        f"{other_of(pair, track_id):>3} {angle(pair.separation_arcsec, 'cell'):>6} {change:>6}"
+        f"{neighbour_id(pair, track_id):>3} {angle(pair.separation_arcsec, 'cell'):>6} {change:>6}"
         f" {angle(pair.closest_arcsec, 'cell'):>6} {at:>5}"
     )

@@ -12,10 +12,17 @@ from functools import lru_cache
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.picture.picture import DrawnPicture, Picture
-from rsoconsole.control import STILL_STOPS, fault_words, held_words, holder_words
-from rsoconsole.night import NightView, is_of_streak
+from rsoconsole.control import STILL_STOPS, fault_words, hold_words, mount_holder_words
+from rsoconsole.night import NightView, is_measurement_of
 from rsoconsole.records import Detection, NotSolved, Solution
-from rsoconsole.words import NS_PER_S, clock, direction, duration_words, short_figure, size_of
+from rsoconsole.words import (
+    NS_PER_S,
+    direction,
+    duration_words,
+    short_figure,
+    streak_size_words,
+    utc_text,
+)
 
 HELD = "AUTO watches, moves nothing"
 Item = tuple[str, Ink]
@@ -24,7 +31,7 @@ BADGE_COLUMNS = 100
 STATE_INKS: dict[str, Ink] = {"TRACK": "good", "COAST": "warn", "LOST": "warn", "FAULT": "alarm"}
 
 
-def present_utc_ns(night: NightView, engine: EngineView) -> int | None:
+def frame_clock_utc_ns(night: NightView, engine: EngineView) -> int | None:
     """Return the frame clock, UTC ns: the engine's, else its last known time; None: unknown."""
     if engine.is_attached and engine.now_utc_ns:
         return engine.now_utc_ns
@@ -42,15 +49,15 @@ def top_lines(
     kept: Sequence[str] = (),
     is_stopping: bool = False,
 ) -> list[Line]:
-    """Build the first lines: state and since when, who has control, target, frame clock.
+    """Build the first lines: state and its duration, who has control, target, frame clock.
 
-    ``only_looks``: True where this console may send STOP alone.
-    ``found``: the target's name, its orbit's size, and whether that was assumed, each empty if not
-        known.
+    ``only_looks``: True where this console may send only STOP.
+    ``found``: the target's name, its orbit's size, and "by prior" if that size was assumed, each
+        empty if not known.
     ``kept``: wordings on the kept track, the longest first.
-    ``is_stopping``: STOP was given, and the engine's last status is from before it.
+    ``is_stopping``: True where STOP was given after the engine's last status.
     """
-    now = present_utc_ns(night, engine)
+    now = frame_clock_utc_ns(night, engine)
     state_words, holder = _state_words(night, engine, now)
     if is_stopping:
         state_words, holder = ("STOP given", "alarm"), ("", "")
@@ -62,7 +69,7 @@ def top_lines(
     target_words = (f"target {target}" if target else "no target", "" if target else "dim")
     if engine.reach in {"gone", "silent"}:
         target_words, is_followed = ("", ""), False
-    brief, dated = f"{clock(now)} ", f"{clock(now, 'dated')} "
+    brief, dated = f"{utc_text(now)} ", f"{utc_text(now, 'dated')} "
     gap = ("  ", "")
     badge = demo_badge(night, width, engine)
     if only_looks and engine.is_attached:
@@ -83,15 +90,15 @@ def top_lines(
         # The date gives way to what is known of the target.
         whole, apart = with_target(left, width), 1
         shown = dated if _columns(whole) + apart + len(dated) <= width else brief
-        return [with_right_text(with_target(left, width - len(shown) - apart), shown, width)]
+        return [add_right_text(with_target(left, width - len(shown) - apart), shown, width)]
     first: Line = [*badge, (" ", ""), state_words]
     second: Line = [(" ", ""), holder, gap]  # type: ignore[list-item]
     shown = dated if _columns(first) + len(dated) <= width else brief
-    return [with_right_text(first, shown, width), cut_to_width(with_target(second, width), width)]
+    return [add_right_text(first, shown, width), cut_to_width(with_target(second, width), width)]
 
 
 def demo_badge(night: NightView, width: int, engine: EngineView | None = None) -> Line:
-    """Return a badge that says that the night is simulated, and its pace; empty if it is real."""
+    """Return a badge for a simulated night, with its pace; empty for a real night."""
     if not night.is_simulated:
         return []
     speed = engine.simulated_speed if engine is not None and engine.is_attached else None
@@ -106,13 +113,13 @@ def _state_words(
     if engine.reach == "unknown":
         return ("waiting for the engine to start", "title"), ("", "")
     if engine.reach == "gone" and night.has_ended:
-        ended = clock(engine.since_utc_ns or now)
+        ended = utc_text(engine.since_utc_ns or now)
         return (f"ENGINE ENDED {ended}", "title"), ("it was asked to", "dim")
     if engine.reach in {"gone", "silent"}:
         word = "ENGINE GONE" if engine.reach == "gone" else "ENGINE SILENT"
         last = engine.state or night.state
         was = f"was {last}" if last else "nothing seen of it"
-        return (f"{word} since {clock(engine.since_utc_ns or now)}", "alarm"), (was, "title")
+        return (f"{word} since {utc_text(engine.since_utc_ns or now)}", "alarm"), (was, "title")
     if engine.reach == "recorded":
         kind = "RECORDED" if night.is_closed else "NO ENGINE ASKED"
         return (f"{kind}: {night.state or 'no state'}", "title"), ("read only", "dim")
@@ -121,14 +128,14 @@ def _state_words(
     began_ns = night.state_since_utc_ns
     if state == "COAST":
         # Whatever was followed again since: it coasts from where it was seen last.
-        began_ns = night.last_seen_utc_ns or began_ns
+        began_ns = night.last_measured_utc_ns or began_ns
     if night.state == state and began_ns and now:
         since = " " + duration_words((now - began_ns) / NS_PER_S)
-    holder = holder_words(engine.holder, "seat")
+    holder = mount_holder_words(engine.holder, "seat")
     ink: Ink = "warn" if engine.holder == "operator" else "title"
     if engine.is_held:
         watches = HELD if engine.holder == "autonomy" else holder
-        return (f"{state}{since} {held_words(engine)}", "warn"), (watches, ink)
+        return (f"{state}{since} {hold_words(engine)}", "warn"), (watches, ink)
     return (state + since, STATE_INKS.get(state, "title")), (holder, ink)
 
 
@@ -150,13 +157,16 @@ def alert_text(night: NightView, engine: EngineView) -> str:
     return " · ".join(parts)
 
 
-def first_shown(chosen: int, count: int, room: int) -> int:
-    """Return the index of a list's first visible row, such that the chosen row is in view."""
+def first_visible_index(chosen: int, count: int, room: int) -> int:
+    """Return the index of the first visible row of a list, so that the chosen row is in view.
+
+    ``room``: number of rows that are visible.
+    """
     return min(max(chosen - room // 2, 0), max(count - room, 0))
 
 
 def join_fitting_parts(parts: Sequence[str], width: int, gap: str = " · ") -> str:
-    """Join as many parts as fit into ``width``, in order; a first one too long is cut."""
+    """Join the first parts that fit into ``width``; a first part that is too long is cut."""
     kept = ""
     for part in parts:
         longer = f"{kept}{gap}{part}" if kept else part
@@ -167,7 +177,7 @@ def join_fitting_parts(parts: Sequence[str], width: int, gap: str = " · ") -> s
 
 
 def is_past_unread(night: NightView, engine: EngineView) -> bool:
-    """Return True where there is a session whose past has not been read to its end yet."""
+    """Return True if there is a session and its records have not all been read once."""
     return not night.is_read and (night.folder is not None or engine.session is not None)
 
 
@@ -202,15 +212,18 @@ def closeup_title(picture: Picture | None, drawing: DrawnPicture | None) -> list
     found = _followed_detection(picture)
     if found is not None:
         parts.append(f"SNR {found.snr:.0f}")
-        parts.append(size_of(found))
-    elif picture.detail.followed is None and picture.detail.predicted is not None:
+        parts.append(streak_size_words(found))
+    elif picture.detail.accepted_measurement is None and picture.detail.predicted is not None:
         parts.append("predicted place")
     return parts
 
 
 def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list[str]:
-    """Return the followed measurement's position and sigmas, the position in ``width`` columns."""
-    followed = picture.detail.followed if picture is not None else None
+    """Return the followed measurement's position and its sigmas; empty: none was followed.
+
+    ``width``: most columns of the position.
+    """
+    followed = picture.detail.accepted_measurement if picture is not None else None
     if followed is None:
         return []
     east, _, north = followed.cov_sky_arcsec2
@@ -222,10 +235,10 @@ def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list
 
 
 def _followed_detection(picture: Picture) -> Detection | None:
-    found, followed = picture.detail.detections, picture.detail.followed
+    found, followed = picture.detail.detections, picture.detail.accepted_measurement
     if found is None or followed is None:
         return None
-    return next((each for each in found.detections if is_of_streak(each, followed)), None)
+    return next((each for each in found.detections if is_measurement_of(each, followed)), None)
 
 
 def frame_caption(picture: Picture | None) -> list[str]:
@@ -248,8 +261,8 @@ def _arrow(x: float, y: float) -> str:
     return ARROWS[round(math.degrees(math.atan2(y, x)) / 45.0) % 8]
 
 
-def with_right_text(left: Line, right: str, width: int) -> Line:
-    """Put ``right`` at the line's right edge; ``left`` is cut where there is no room for both."""
+def add_right_text(left: Line, right: str, width: int) -> Line:
+    """Return the line with ``right`` at its right edge; ``left`` is cut to leave room for it."""
     room = width - len(right)
     cut = cut_to_width(left, max(room, 0))
     pad = max(room - _columns(cut), 0)
@@ -270,8 +283,8 @@ def cut_to_width(line: Line, width: int) -> Line:
     return [*kept, ("…", "dim")] if width > 0 else []
 
 
-def rule(left: str | Line, right: str, width: int) -> Line:
-    """Draw a title into a horizontal rule; ``right`` is left out first where there is no room."""
+def draw_rule(left: str | Line, right: str, width: int) -> Line:
+    """Draw a horizontal rule with a title in it, and with ``right`` if there is room."""
     title: Line = [(left.strip(), "title")] if isinstance(left, str) else left
     used = 3 + _columns(title)
     tail = f" {right} ─" if right and used + len(right) + 3 <= width else ""
@@ -305,10 +318,10 @@ def cos_deg(angle_deg: float) -> float:
     return math.cos(math.radians(angle_deg))
 
 
-def wrapped(text: str, width: int, rows: int, cut: str = "…") -> list[Line]:
-    """Break text between words into at most ``rows`` lines; a text too long loses its middle.
+def wrap_to_rows(text: str, width: int, rows: int, cut: str = "…") -> list[Line]:
+    """Break text between words into at most ``rows`` lines; a longer text loses its middle.
 
-    The fact stands first and the remedy last: neither is left out. ``cut`` marks the gap.
+    The fact comes first and the remedy last, so both stay. ``cut``: sign for the missing middle.
     """
     return [[(line, "")] for line in _broken(text, max(width, 1), rows, cut)]
 

@@ -1,11 +1,11 @@
-"""The progress of a search: the next field, the fields left out, and the order of the fields."""
+"""The progress of a search: its fields in order, the next one, and those passed over."""
 
 from rsoconsole.config import Config
 from rsoconsole.pipeline import (
     SearchBase,
+    direction_of_hour_angle,
     field_number,
     fields_in_round,
-    fixed_direction,
     search_base,
     search_base_at,
     search_direction,
@@ -20,11 +20,11 @@ SAME_FIELD = 0.25
 """Distance, in field heights, within which the telescope counts as in a field of the search."""
 
 
-class SearchRound:
-    """Goes through the fields of a search, round after round, counted in exposures.
+class SearchSequence:
+    """The sequence of a search's fields, visited again and again; progress counts exposures.
 
-    The first exposure after arming is taken where the telescope stands, outside the round; what it
-    shows is waited for there.
+    The first exposure after arming is taken where the telescope points, outside the sequence, and
+    the search waits there for what that exposure shows.
     """
 
     def __init__(self, config: Config) -> None:
@@ -42,16 +42,16 @@ class SearchRound:
         self._config = config
 
     def start(self, direction: Direction, t_utc_ns: int) -> None:
-        """Start a search around ``direction``, or where the configuration says."""
+        """Start a search at the configured place, or around ``direction`` where none is set."""
         self._home = search_base(self._config.search, self._site, *direction, t_utc_ns)
         self._refused.clear()
-        self.go_home()
+        self.return_to_first_field()
 
-    def go_home(self) -> None:
+    def return_to_first_field(self) -> None:
         """Return to the first field of the search that ``start`` began."""
         self._base, self._here, self.number = self._home, None, 0
 
-    def start_where_lost(self, direction: Direction, t_utc_ns: int) -> None:
+    def start_around_lost_track(self, direction: Direction, t_utc_ns: int) -> None:
         """Start a search around ``direction``, where a track was lost.
 
         The configured targets are searched after that.
@@ -59,10 +59,10 @@ class SearchRound:
         self._base = search_base_at(self._site, *direction, t_utc_ns, comes_before_targets=True)
         self._here, self.number = None, 0
 
-    def widen_about(self, direction: Direction, t_utc_ns: int) -> None:
+    def start_spiral(self, direction: Direction, t_utc_ns: int) -> None:
         """Search around ``direction`` in a widening spiral.
 
-        ``go_home`` later returns to the first field of the search that ``start`` began.
+        ``return_to_first_field`` then leads back to the search that ``start`` started.
         """
         self._base = search_base_at(self._site, *direction, t_utc_ns, widens=True)
         self._here, self.number = None, 0
@@ -75,19 +75,19 @@ class SearchRound:
 
     @property
     def is_outside_round(self) -> bool:
-        """True where the next exposure is taken where the telescope stands, outside the round."""
+        """True while the next exposure stays where the telescope points, outside the sequence."""
         return self._here is not None
 
     def stay_for_next_exposure(self, direction: Direction, t_utc_ns: int) -> None:
-        """Take the next exposure outside the round, where the telescope stands (``direction``)."""
+        """Take the next exposure where the telescope points (``direction``), off the sequence."""
         self._here = search_base_at(self._site, *direction, t_utc_ns)
 
     def return_to_round(self) -> bool:
-        """Return to the round of fields; False where the search was not outside it."""
+        """Return to the sequence of fields; False where the search had not left it."""
         was_here, self._here = self._here is not None, None
         return was_here
 
-    def numbers(self) -> list[int]:
+    def exposure_numbers_to_try(self) -> list[int]:
         """Return the present exposure number, then the first number of every other field."""
         per_field = self._config.search.frames_per_field
         visited = self.number // per_field
@@ -95,14 +95,14 @@ class SearchRound:
         return [self.number, *((visited + n) * per_field for n in others)]
 
     def direction(self, number: int, t_utc_ns: int, *, is_waiting: bool) -> tuple[Direction, str]:
-        """Return the direction of exposure ``number`` at an instant, and the reason in words.
+        """Return the direction of exposure ``number`` at an instant, and its reason in words.
 
-        ``is_waiting``: the loop is in ACQUIRE, waiting for a second frame of what it saw.
+        ``is_waiting``: the loop is in ACQUIRE, waiting for a second frame of a detected object.
         """
         reason = "wait for a second frame" if is_waiting else "search"
         if self._here is not None and number == self.number:
             here = (self._here.hour_angle_deg, self._here.declination_deg)
-            return fixed_direction(self._site, *here, t_utc_ns), reason
+            return direction_of_hour_angle(self._site, *here, t_utc_ns), reason
         base, search = self._begun(), self._config.search
         target = search_target(base, search, number)
         if target is not None and not is_waiting:
@@ -110,22 +110,22 @@ class SearchRound:
         return self._field_direction(number, t_utc_ns), reason
 
     def is_first_refusal(self, number: int) -> bool:
-        """True at the first call for each refused place, so that its refusal is reported once."""
+        """Return True at the first call for each refused field, so that it is reported once."""
         place = self._place(number)
         is_new = place not in self._refused
         self._refused.add(place)
         return is_new
 
     def take(self, number: int) -> None:
-        """Make exposure ``number`` the next one; fields before it in the round are left out."""
+        """Make exposure ``number`` the next one; the fields before it are passed over."""
         self._refused.discard(self._place(number))
         if number != self.number:
             self._here, self.number = None, number
 
     def count(self, centre: Direction | None, t_utc_ns: int) -> None:
-        """Count an exposure that is done; ``centre`` is where it looked, ICRS degrees.
+        """Count a finished exposure; ``centre``: where it looked, ICRS degrees.
 
-        An exposure outside the round counts only where it looked at the round's present field.
+        One taken outside the sequence counts only where it looked at the present field.
         """
         if self._here is None or centre is None:
             self.number += 1

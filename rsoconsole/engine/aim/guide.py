@@ -1,4 +1,4 @@
-"""Directions predicted by the orbit: instead of the filter's, or where the filter has none."""
+"""Directions predicted by an orbit, used where the filter's are worse or missing."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from rsoconsole.config import AimConfig, Config
 from rsoconsole.orbits import KnownOrbit, predict
-from rsoconsole.pipeline import OnlineOrbit, beside, may_orbit_guide
+from rsoconsole.pipeline import OnlineOrbit, may_orbit_guide, with_aim_offsets
 from rsoconsole.records import FloatArray, Measurement, Site
 from rsoconsole.sky import IntArray, separation_deg
 from rsoconsole.words import NS_PER_S
@@ -42,14 +42,14 @@ class Guide:
         None where the filter's prediction is to be used. ``aim``: offset from the prediction; None:
         the configured offset.
         """
-        return self._direction(t_mid_utc_ns, aim) if self._orbit.is_guide else None
+        return self._direction(t_mid_utc_ns, aim) if self._orbit.is_lead_orbit_preferred else None
 
-    def lost_direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
+    def lost_track_direction(self, t_mid_utc_ns: int) -> tuple[float, float] | None:
         """Return the direction in which to wait for a lost track, ICRS degrees.
 
         None where no orbit predicts it well enough, or ``orbit.wait_min`` has passed.
         """
-        seen = self._orbit.seen
+        seen = self._orbit.lead_directions
         if not may_orbit_guide(self._config) or seen is None:
             return None
         since_s = (t_mid_utc_ns - int(seen.t_utc_ns[-1])) / NS_PER_S
@@ -57,52 +57,52 @@ class Guide:
         return self._direction(t_mid_utc_ns) if is_time else None
 
     def may_be_lost_object(self, seen: Measurement) -> bool:
-        """True where a measurement lies near the lost track's direction by its orbit."""
-        at = self.lost_direction(seen.t_mid_utc_ns)
+        """Return True where a measurement lies near the predicted direction of the lost track."""
+        at = self.lost_track_direction(seen.t_mid_utc_ns)
         if at is None:
             return False
         near_deg = SAME_PLACE * min(self._config.optics.field_deg)
         return separation_deg(*at, seen.ra_icrs_deg, seen.dec_icrs_deg) < near_deg
 
-    def last_direction(self, t_utc_ns: int) -> tuple[float, float] | None:
+    def last_track_direction(self, t_utc_ns: int) -> tuple[float, float] | None:
         """Return the last track's direction by its orbit, ICRS degrees, however old the track is.
 
         None where no orbit predicts the direction well enough.
         """
         return self._direction(t_utc_ns) if may_orbit_guide(self._config) else None
 
-    def prepare(self, now_utc_ns: int) -> None:
+    def precompute_path(self, now_utc_ns: int) -> None:
         """Compute the predicted path of the next minutes now, while no frame has to wait."""
-        orbit = self._orbit.orbit
+        orbit = self._orbit.lead_orbit
         if orbit is None or not may_orbit_guide(self._config):
             self._way = None
         elif (
             self._way is None
             or self._way.orbit is not orbit
-            or not self._way.extends_beyond(now_utc_ns)
+            or not self._way.has_minutes_left(now_utc_ns)
         ):
             self._way = PredictedPath.of(orbit, self._site, now_utc_ns)
 
     def _direction(
         self, t_mid_utc_ns: int, aim: AimConfig | None = None
     ) -> tuple[float, float] | None:
-        orbit, aim = self._orbit.orbit, aim or self._config.aim
+        orbit, aim = self._orbit.lead_orbit, aim or self._config.aim
         if orbit is None or orbit.label == "not observable":
             return None
         t_utc_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
         way = self._way
-        if way is None or way.orbit is not orbit or not way.holds(t_utc_ns):
+        if way is None or way.orbit is not orbit or not way.contains(t_utc_ns):
             way = PredictedPath.of(orbit, self._site, t_utc_ns)
         direction, rate, sigma_deg = way.at(t_utc_ns)
         # Not a number where the orbit has come down.
         if not 3.0 * sigma_deg < SHARE_OF_FIELD * min(self._config.optics.field_deg):
             return None
-        return beside(direction, rate, aim)
+        return with_aim_offsets(direction, rate, aim)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictedPath:
-    """An orbit's predicted path over some minutes, interpolated between computed instants."""
+    """The directions predicted by an orbit over some minutes, interpolated between instants."""
 
     orbit: KnownOrbit
     t_utc_ns: IntArray
@@ -116,7 +116,7 @@ class PredictedPath:
 
     @classmethod
     def of(cls, orbit: KnownOrbit, site: Site, t_utc_ns: int) -> "PredictedPath":
-        """Predict the path of the quarter of an hour that begins at ``t_utc_ns``."""
+        """Predict the path of the 15 minutes that begin at ``t_utc_ns``."""
         t = t_utc_ns + np.arange(_STEPS + 1) * _STEP_S * NS_PER_S
         ahead = predict(orbit, site, t)
         places = ahead.places
@@ -129,12 +129,12 @@ class PredictedPath:
             sigma_deg=ahead.sigma_arcsec / 3600.0,
         )
 
-    def holds(self, t_utc_ns: int) -> bool:
+    def contains(self, t_utc_ns: int) -> bool:
         """True where an instant is within the path."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[-1])
 
-    def extends_beyond(self, t_utc_ns: int) -> bool:
-        """True where an instant is in the path's first half, so that minutes are left beyond it."""
+    def has_minutes_left(self, t_utc_ns: int) -> bool:
+        """Return True in the first half of the path, while minutes of it are left."""
         return bool(self.t_utc_ns[0] <= t_utc_ns < self.t_utc_ns[_STEPS // 2])
 
     def at(self, t_utc_ns: int) -> tuple[tuple[float, float], tuple[float, float], float]:

@@ -17,8 +17,7 @@ NS = 1_000_000_000
 POLL_NS = NS // 2
 SENT_AGAIN = 2
 FAR_OFF_DEG = 0.5
-"""Distance beyond which a mount has stopped elsewhere: losing the sky's motion costs 0.25 deg a
-minute."""
+"""Distance from the target, deg, beyond which a mount has stopped elsewhere."""
 
 
 class Interrupted(Exception):  # noqa: N818 -- a signal, not an error
@@ -41,7 +40,7 @@ class Ordered:
 class InstrumentController:
     """The loop's access to the instruments.
 
-    It orders no slew and no exposure once the loop is to be interrupted.
+    While the loop is to be interrupted, no slew and no exposure is ordered.
     """
 
     def __init__(
@@ -52,8 +51,7 @@ class InstrumentController:
         self._config = config
         self._is_wanted = is_wanted
         self.sent: tuple[tuple[float, float], int] | None = None
-        """Last target sent to the mount (its own coordinates, ICRS degrees) and the time, UTC ns;
-        None: none, or that order is over."""
+        """Last target sent (mount's coordinates, ICRS deg) and time, UTC ns; None: none or over."""
         self._is_sent_to_park = False
         """True where the last order that the mount accepted was to park."""
         self.ordered: Ordered | None = None
@@ -65,8 +63,7 @@ class InstrumentController:
         self.on_opened: Callable[[int, int], None] = lambda _frame_id, _opened_utc_ns: None
         """Called when an exposure has been ordered, with its frame number and the time, UTC ns."""
         self.on_closed: Callable[[], MountReport | None] = lambda: None
-        """Called when the shutter of a frame should have closed, before the frame has come; returns
-        where the mount looked if it has been sent on."""
+        """Callback when a shutter should have closed; returns where a mount sent on looked."""
         self.on_clock_fault: Callable[[ClockFault], None] = lambda _fault: None
         """Called when the clock was set or runs wrong, or the program stood still."""
 
@@ -109,7 +106,7 @@ class InstrumentController:
             raise Interrupted
 
     def mount_report(self) -> MountReport:
-        """Return the mount's report of its position; under simulation, one not older than now."""
+        """Return the mount's position report; under simulation, one made now or later."""
         not_before = self.now_utc_ns() if self.instruments.clock.is_simulated else None
         return self.instruments.mount.report(not_before)
 
@@ -132,15 +129,15 @@ class InstrumentController:
         self._is_sent_to_park = True
 
     def forget_order(self) -> None:
-        """Forget the last order, whose motion was or will be ended; its arrival is not awaited."""
+        """Forget the last order and do not await its arrival: its motion is or will be ended."""
         self.sent, self._is_sent_to_park = None, False
         if self.ordered is not None and self.ordered.to_icrs_deg is None:
             self.ordered = None
 
     def is_on_its_way_to_park(self, report: MountReport) -> bool:
-        """True while the mount moves to its park position.
+        """Return True while the mount moves to its park position.
 
-        Some drivers do not report this; then it is true for a slew after the order to park.
+        For drivers that do not report this, any slew after an order to park counts.
         """
         return report.is_slewing and (report.is_parking or self._is_sent_to_park)
 
@@ -174,12 +171,12 @@ class InstrumentController:
         """Wait until the mount reports its arrival, and then until it has settled.
 
         ``poll_ns``: interval between two reports, ns; ``settle_s``: time to settle, s, None for the
-        configured time. A mount that stops a little beside the target is sent again, twice, because
-        some mounts lose the sky's motion during a long slew.
+        configured time. A mount that stops a little beside the target is sent there again, up to
+        twice, because some mounts lose the sky's motion during a long slew.
 
-        Raises StoppedElsewhere when the mount came to rest far from the target: somebody else
-        stopped it, and that is not overruled. Raises InstrumentError when it has not arrived in
-        time, Interrupted on STOP.
+        Raises MountMovedByOthers when the mount rests far from the target: somebody else has
+        stopped it, and it is left there. Raises InstrumentError when it does not arrive in time,
+        Interrupted on STOP.
         """
         limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
         for sent_again in itertools.count():
@@ -269,8 +266,7 @@ def _looked_at(frame: Frame, report: MountReport) -> Frame:
 
 
 IsRefused = Callable[[SlewCommand, int], SlewRefusal | None]
-"""Return the limit that forbids holding a slew's place until an instant, UTC ns; None when none
-does."""
+"""Function that returns the limit against a slew's place until an instant, UTC ns, or None."""
 
 SLEW_OVERHEAD_S = 3.0
 """Assumed time of a slew beyond travel and settling, s; ample, so that slow mounts are in time."""
@@ -282,14 +278,13 @@ CLOCKS_APART_NS = 10 * NS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class AimPlan:
     """The plan of the next exposure: its times, and the slew before it if there is one."""
 
     t_start_utc_ns: int
     t_mid_utc_ns: int
     slew: SlewCommand | None
     refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = ()
-    """Slews that were refused, with the limit; each place is named once, but all of them where
-    nothing is left to search."""
+    """Refused slews with the limit; each place once, but all where nothing is left to search."""
     blocked: SlewRefusal | None = None
     """Reason why the telescope does not follow the track; None when it may."""

@@ -10,7 +10,7 @@ from typing import Literal
 from rsoconsole.config import Config
 from rsoconsole.instruments import SkyReport
 from rsoconsole.sky import night_span, sun_altitude_deg
-from rsoconsole.words import no_night, utc_ns_to_iso
+from rsoconsole.words import no_night_text, utc_ns_to_iso
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,11 +89,11 @@ def dome_fault(config: Config, sky: SkyReport | None) -> str:
 
 
 def darkness_words(config: Config, now_utc_ns: int) -> str:
-    """Return when it will be dark, in words, for an operator who has to wait."""
+    """Return words on when it will be dark, or until when it is."""
     limit_deg = config.limits.twilight_deg
     span = night_span(config.site.to_site(), now_utc_ns, limit_deg)
     if span is None:
-        return no_night(limit_deg)
+        return no_night_text(limit_deg)
     if span[0] <= now_utc_ns:
         return f"it is dark until {utc_ns_to_iso(span[1], 0)}"
     return f"wait until {utc_ns_to_iso(span[0], 0)}"

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 from rsoconsole.config import Config
 from rsoconsole.control import NextAim
-from rsoconsole.engine.aim._search import Direction, SearchRound
+from rsoconsole.engine.aim._search import Direction, SearchSequence
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import (
     CLOCKS_APART_NS,
     FLIP_WAY_DEG,
     NS,
     SLEW_OVERHEAD_S,
+    AimPlan,
     IsRefused,
-    Plan,
 )
 from rsoconsole.instruments import MountReport, PierSide
 from rsoconsole.pipeline import (
@@ -20,8 +20,8 @@ from rsoconsole.pipeline import (
     follow_direction,
     group_direction,
     needs_recentre,
-    side_at_arrival,
-    slew_to,
+    pier_side_after_slew,
+    slew_command,
 )
 from rsoconsole.records import Frame, SlewCommand, SlewRefusal, Solution, TrackState
 from rsoconsole.sky import Pose, hour_angle_jnow_deg, icrs_to_jnow, separation_deg, wrap_180
@@ -36,7 +36,7 @@ class Planner:
         self._config = config
         self._guide = guide
         self._site = config.site.to_site()
-        self._search = SearchRound(config)
+        self._search = SearchSequence(config)
         self._is_block_reported = False
         self._is_waiting = False
         """True while a lost track is waited for where its orbit predicts it."""
@@ -57,32 +57,32 @@ class Planner:
         self._search.configure(config)
 
     def start_search(self, report: MountReport, now_utc_ns: int) -> None:
-        """Start a search around where the mount points, or where the configuration says."""
+        """Start a search at the configured place, else around where the mount points."""
         self._search.start(self.looking_at(report), now_utc_ns)
         self._is_block_reported = self._is_waiting = False
         self._stands_at(report)
 
     def search_about(self, direction: Direction, t_utc_ns: int) -> None:
         """Search around a direction in a widening spiral."""
-        self._search.widen_about(direction, t_utc_ns)
+        self._search.start_spiral(direction, t_utc_ns)
         self._is_block_reported = self._is_waiting = False
 
     def leave_spiral(self) -> bool:
-        """Leave a spiral search and return to the search's first field; False without a spiral."""
+        """Leave a spiral search for the search's first field; False where there was no spiral."""
         if not self._search.is_spiral:
             return False
-        self._search.go_home()
+        self._search.return_to_first_field()
         return True
 
     def go_home(self) -> None:
         """Start the search again at its first field."""
         self._is_waiting = False
-        self._search.go_home()
+        self._search.return_to_first_field()
 
     def moved_by_hand(self, report: MountReport) -> None:
-        """Note that the operator moved the mount: its report now gives where the telescope looks.
+        """Note the mount's report after a move by hand as the telescope's direction.
 
-        The pointing offset learned for each side of the pier and each part of the sky stays.
+        The pointing offsets learned for each side of the pier and each part of the sky are kept.
         """
         self._is_waiting = False
         self._search.return_to_round()
@@ -104,11 +104,11 @@ class Planner:
         is_kept = report.is_tracking and not report.is_slewing
         self._commanded = (report.ra_icrs_deg, report.dec_icrs_deg) if is_kept else None
 
-    def plan_exposure_here(self, now_utc_ns: int) -> Plan:
-        """Plan an exposure where the telescope stands, without a slew.
+    def plan_exposure_here(self, now_utc_ns: int) -> AimPlan:
+        """Plan an exposure where the telescope points, without a slew.
 
-        What it shows is waited for in place. Where the telescope stands in the search's first
-        field, the exposure counts as that field's first.
+        The search waits there for what the exposure shows. In the search's first field, the
+        exposure counts as that field's first.
         """
         plan = self._in_place(now_utc_ns)
         if self._centre is not None:
@@ -116,7 +116,7 @@ class Planner:
         return plan
 
     def pose(self, now_utc_ns: int) -> Pose | None:
-        """Return where the telescope looks now, and the pier's side; None where not known."""
+        """Return the telescope's direction and side of the pier now; None where not known."""
         if self._centre is None:
             return None
         ra_deg, dec_deg = self._centre
@@ -133,7 +133,7 @@ class Planner:
         *,
         t_mid_utc_ns: int | None = None,
         frame_id: int | None = None,
-    ) -> Plan:
+    ) -> AimPlan:
         """Plan an exposure at an instant and a direction; None: where the telescope looks already.
 
         ``t_mid_utc_ns``: mid-exposure; None: by the configured exposure. ``frame_id``: the frame
@@ -143,18 +143,17 @@ class Planner:
         slew = None
         if direction is not None:
             after = self._frame_id if frame_id is None else frame_id
-            slew = slew_to(after, direction, t_mid_ns, reason, None)
+            slew = slew_command(after, direction, t_mid_ns, reason, None)
             self._planned = (slew, now_utc_ns)
-        return Plan(t_start_utc_ns=t_start_utc_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
+        return AimPlan(t_start_utc_ns=t_start_utc_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
 
     def plan(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None = None
-    ) -> Plan:
-        """Plan the next exposure, from where the telescope is now.
+    ) -> AimPlan:
+        """Plan the next exposure, from the telescope's present position.
 
-        A search field that is refused is left out and the next one taken, so that one wall does not
-        hold up a search. A track is in one place only: when that is refused, the telescope stays
-        where it is.
+        A search field that is refused is passed over for the next one. Where a track's direction is
+        refused, the telescope stays where it is.
         """
         if following.track is not None:
             return self._plan_track(following, now_utc_ns, is_refused)
@@ -162,7 +161,7 @@ class Planner:
             return plan
         refused: list[tuple[SlewCommand, SlewRefusal]] = []
         news: list[tuple[SlewCommand, SlewRefusal]] = []
-        for number in self._search.numbers():
+        for number in self._search.exposure_numbers_to_try():
             plan = self._plan_at(following, number, now_utc_ns)
             assert plan.slew is not None, "a search goes somewhere"
             why = None if is_refused is None else is_refused(plan.slew, self.end_utc_ns(plan))
@@ -178,7 +177,7 @@ class Planner:
 
     def _plan_track(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
-    ) -> Plan:
+    ) -> AimPlan:
         plan = self._plan_at(following, self._search.number, now_utc_ns)
         if plan.slew is None:
             return plan
@@ -196,11 +195,11 @@ class Planner:
 
     def _plan_lost(
         self, following: Following, now_utc_ns: int, is_refused: IsRefused | None
-    ) -> Plan | None:
+    ) -> AimPlan | None:
         """Plan an exposure where a lost track's orbit predicts it; None where none is awaited."""
         if not self._is_waiting or self._guide is None:
             return None
-        if self._guide.lost_direction(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
+        if self._guide.lost_track_direction(self._t_mid_ns(self._earliest_ns(now_utc_ns))) is None:
             self._is_waiting = False
             return None
         if following.candidates and not any(
@@ -221,9 +220,9 @@ class Planner:
         now_utc_ns: int,
         refused: tuple[tuple[SlewCommand, SlewRefusal], ...] = (),
         blocked: SlewRefusal | None = None,
-    ) -> Plan:
+    ) -> AimPlan:
         t_start_ns = self._earliest_ns(now_utc_ns)
-        return Plan(
+        return AimPlan(
             t_start_utc_ns=t_start_ns,
             t_mid_utc_ns=self._t_mid_ns(t_start_ns),
             slew=None,
@@ -231,7 +230,7 @@ class Planner:
             blocked=blocked,
         )
 
-    def _plan_at(self, following: Following, search_number: int, now_utc_ns: int) -> Plan:
+    def _plan_at(self, following: Following, search_number: int, now_utc_ns: int) -> AimPlan:
         """Plan the exposure of a track, or of the n-th place of a search.
 
         Direction and start depend on each other: the slew is computed once, for the direction of
@@ -248,9 +247,9 @@ class Planner:
             self._config.search, self._config.optics.field_deg, self._centre, direction
         )
         to = following.track_id
-        slew = slew_to(self._frame_id, direction, t_mid_ns, reason, to) if moves else None
+        slew = slew_command(self._frame_id, direction, t_mid_ns, reason, to) if moves else None
         self._planned = (slew, now_utc_ns)
-        return Plan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
+        return AimPlan(t_start_utc_ns=t_start_ns, t_mid_utc_ns=t_mid_ns, slew=slew)
 
     def _earliest_ns(self, now_utc_ns: int) -> int:
         last = self._last_start_utc_ns
@@ -263,7 +262,7 @@ class Planner:
         exposure = self._config.exposure
         return t_start_ns + round((exposure.start_latency_s + exposure.exposure_s / 2.0) * NS)
 
-    def end_utc_ns(self, plan: Plan) -> int:
+    def end_utc_ns(self, plan: AimPlan) -> int:
         """Return the instant at which the shutter closes, UTC ns."""
         return plan.t_mid_utc_ns + round(self._config.exposure.exposure_s / 2.0 * NS)
 
@@ -274,7 +273,7 @@ class Planner:
         if self._centre is not None:
             ra_way_deg = abs(wrap_180(direction[0] - self._centre[0]))
             way_deg = max(ra_way_deg, abs(direction[1] - self._centre[1]))
-        if self.side_at(direction, t_utc_ns) != self._pier_side:
+        if self.pier_side_after_slew(direction, t_utc_ns) != self._pier_side:
             way_deg = FLIP_WAY_DEG
         return SLEW_OVERHEAD_S + way_deg / mount.slew_rate_deg_s + mount.settle_s
 
@@ -288,15 +287,15 @@ class Planner:
             return None
         rate_deg_s = self._config.mount.slew_rate_deg_s
         way_deg = max(abs(wrap_180(to[0] - report.ra_icrs_deg)), abs(to[1] - report.dec_icrs_deg))
-        if self.side_at(to, report.t_utc_ns) != report.pier_side:
+        if self.pier_side_after_slew(to, report.t_utc_ns) != report.pier_side:
             gone_s = max((report.t_utc_ns - sent_utc_ns) / NS, 0.0)
             way_deg = max(way_deg, FLIP_WAY_DEG - rate_deg_s * gone_s)
         return way_deg / rate_deg_s
 
-    def side_at(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
+    def pier_side_after_slew(self, direction: Direction, t_utc_ns: int) -> PierSide | None:
         """Return the side of the pier after a slew to a direction; None where not known."""
         mount = self._config.mount
-        return side_at_arrival(self._site, mount, direction, t_utc_ns, self._pier_side)
+        return pier_side_after_slew(self._site, mount, direction, t_utc_ns, self._pier_side)
 
     def _direction(
         self, following: Following, search_number: int, t_mid_ns: int
@@ -308,7 +307,7 @@ class Planner:
                 return direction, f"{reason}, offset by hand"
             return self._among(following, direction, t_mid_ns, reason)
         if self._is_waiting and not self._search.is_outside_round and self._guide is not None:
-            by_orbit = self._guide.lost_direction(t_mid_ns)
+            by_orbit = self._guide.lost_track_direction(t_mid_ns)
             if by_orbit is not None:
                 return by_orbit, "where its orbit says"
         return self._search.direction(
@@ -323,8 +322,8 @@ class Planner:
         config = self._config
         return follow_direction(track, t_mid_ns, config.filter, config.aim), "filter"
 
-    def ahead(
-        self, following: Following, planned: Plan | None, now_utc_ns: int
+    def aim_after_plan(
+        self, following: Following, planned: AimPlan | None, now_utc_ns: int
     ) -> tuple[NextAim, Direction] | None:
         """Return the aim of the exposure after ``planned``, and the lead track's direction then.
 
@@ -377,7 +376,7 @@ class Planner:
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
         ordered_utc_ns = planned_utc_ns if slew == planned else slew.t_aim_utc_ns
-        side = self.side_at(to, ordered_utc_ns)
+        side = self.pier_side_after_slew(to, ordered_utc_ns)
         return pointing_command(self._pointing.at(*self._axes(to, slew.t_aim_utc_ns), side), *to)
 
     def _axes(self, direction: Direction, t_utc_ns: int) -> Direction:
@@ -385,7 +384,7 @@ class Planner:
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(*direction, t_utc_ns)
         return hour_angle_jnow_deg(self._site, ra_jnow_deg, t_utc_ns), dec_jnow_deg
 
-    def arrived(self, slew: SlewCommand, report: MountReport, sent_to: Direction) -> bool:
+    def note_arrival(self, slew: SlewCommand, report: MountReport, sent_to: Direction) -> bool:
         """Note that the mount has done a slew; True when it has changed the side of the pier.
 
         ``sent_to``: the direction that was commanded, ICRS degrees.
@@ -429,11 +428,11 @@ class Planner:
             pier_side=self._pier_side,
         )
 
-    def followed(self, before: Following, after: Following, now_utc_ns: int) -> None:
-        """Update the search after a frame: count it, or search here for a track that was lost."""
+    def update_search(self, before: Following, after: Following, now_utc_ns: int) -> None:
+        """Update the search after a frame: count it, or start one around a lost track."""
         is_held = (before.state, after.state) == ("ACQUIRE", "ACQUIRE")
         if after.state == "LOST" and self._centre is not None:
-            self._search.start_where_lost(self._centre, now_utc_ns)
+            self._search.start_around_lost_track(self._centre, now_utc_ns)
             self._is_waiting = self._guide is not None
         elif self._is_waiting:
             self._is_waiting = after.track is None

@@ -1,8 +1,8 @@
-"""Who is in charge: the states of the loop and the passages between them. Pure.
+"""The loop's state machine: its states, triggers and transitions; without side effects.
 
-``step(authority, trigger)`` gives the next state and what the instrument controller must do; the
-loop performs that and writes it down. What frames show passes through ``tracking.follow`` first and
-arrives here as ``Followed``.
+``step(authority, trigger)`` returns the next state and the actions that it needs; the loop performs
+and records them. Frames first pass through ``tracking.follow``, whose result arrives here as
+``Followed``.
 
     IDLE -> SEARCH <-> ACQUIRE -> TRACK <-> COAST -> LOST -> SEARCH     while autonomy has the mount
     MANUAL     whenever the operator has it; autonomy waits until it is resumed or armed
@@ -26,14 +26,13 @@ NOTHING_HELD = "nothing is held: there is nothing to resume"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Authority:
-    """Who has the mount, and what the loop follows."""
+    """State of the loop: who has control of the mount, and which tracks are followed."""
 
     following: Following = field(default_factory=lambda: Following(state="IDLE"))
     kept: Following | None = None
     """The track that ended by the operator's word, or with a fault: it can be followed again."""
     is_resumable: bool = False
-    """True where autonomy need not be armed to have the mount again: the operator took it from
-    autonomy, by hand or by disarming; never after STOP."""
+    """True where autonomy may resume without arming, as the operator took over; not after STOP."""
     is_held: bool = False
     """True while the operator wants no slews: what is followed is coasted and measured."""
     resumes_when_clear: bool = False
@@ -52,25 +51,25 @@ class Authority:
 
     @property
     def is_autonomous(self) -> bool:
-        """Whether autonomy may move the mount."""
+        """True where autonomy may move the mount."""
         return self.state in AUTONOMOUS
 
     @property
     def is_responsible(self) -> bool:
-        """Whether what becomes of the mount is autonomy's affair: nobody else is there."""
+        """True where autonomy must keep the mount safe: it has control, or lost it by a FAULT."""
         return self.is_autonomous or self.was_autonomous
 
     @property
     def tracked(self) -> Following | None:
-        """What a track that ends now leaves to be followed again; None where there is nothing.
+        """The track that could be followed again if autonomy ended now; None without one.
 
-        Only a track is worth coming back to: what a search had seen is soon out of the field.
+        Detections of a search that are no track yet do not count: they soon leave the field.
         """
         return self.following if self.state in ("TRACK", "COAST") else self.kept
 
     @property
     def holder(self) -> Holder:
-        """Who has the mount."""
+        """Who has control of the mount: autonomy, the operator or nobody."""
         if self.is_autonomous:
             return "autonomy"
         return "operator" if self.state == "MANUAL" else "nobody"
@@ -78,21 +77,21 @@ class Authority:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Armed:
-    """The operator hands the mount to autonomy."""
+    """Trigger: the operator gives control of the mount to autonomy."""
 
     by: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disarmed:
-    """The operator takes it back without moving it."""
+    """Trigger: the operator takes control from autonomy without moving the mount."""
 
     by: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stopped:
-    """STOP was given, and ABORT has been sent on the way here."""
+    """Trigger: STOP was given, and ABORT has already been sent."""
 
     by: str
     is_obeyed: bool = True
@@ -103,14 +102,14 @@ class Stopped:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """The operator moves the mount by hand."""
+    """Trigger: the operator moves the mount by hand."""
 
     by: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Held:
-    """The operator wants no slews for now."""
+    """Trigger: the operator forbids slews for now."""
 
     by: str
     until_clear: bool = False
@@ -119,35 +118,35 @@ class Held:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resumed:
-    """The operator gives the mount back, or wants a track followed again that was ended."""
+    """Trigger: the operator gives control back, or resumes a track that was ended."""
 
     by: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sought:
-    """The operator wants what was followed to be looked for again, round where it must be."""
+    """Trigger: the operator orders a search around the last track's predicted position."""
 
     by: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Followed:
-    """A frame was folded into what is followed."""
+    """Trigger: a frame has updated the followed tracks."""
 
     after: Following
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marked:
-    """The operator's word on frames that nobody followed makes a track, or takes one back."""
+    """Trigger: a decision on frames taken without autonomy makes or withdraws a track."""
 
     kept: Following | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failed:
-    """An instrument did not do its part."""
+    """Trigger: an instrument has failed."""
 
     words: str
     is_final: bool = False
@@ -156,21 +155,21 @@ class Failed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitMet:
-    """The mount's position met a limit; its motion has been ended on the way here."""
+    """Trigger: the mount has met a limit, and its motion has already been ended."""
 
     words: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockSet:
-    """Somebody has set the machine's clock."""
+    """Trigger: this machine's or the camera's clock was set."""
 
     step_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightEnded:
-    """Dawn, weather or dome: the sky is not for telescopes any more."""
+    """Trigger: dawn, weather or the dome ends the night."""
 
     words: str
     parks: bool
@@ -180,7 +179,7 @@ class NightEnded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotPointing:
-    """The first frame does not agree with where the mount says it looks."""
+    """Trigger: the first frame's stars disagree with the mount's reported direction."""
 
     words: str
 
@@ -209,7 +208,7 @@ BY_OPERATOR = Armed | Disarmed | Stopped | Taken | Held | Resumed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """What a trigger leads to."""
+    """The next state after a trigger, with the actions it needs, or the refusal."""
 
     authority: Authority
     actions: tuple[Action, ...] = ()
@@ -220,7 +219,7 @@ class Step:
 
 
 def step(authority: Authority, trigger: Trigger) -> Step:
-    """The next state of the loop, and what must be done for it."""
+    """Return the next state of the loop, and the actions that it needs."""
     return _step(trigger, authority)
 
 
@@ -408,7 +407,7 @@ def _(trigger: NotPointing, authority: Authority) -> Step:
 
 
 def without_kept(authority: Authority) -> Authority:
-    """The same once the track that was kept is too old to be followed again."""
+    """Return the state without its kept track, once that is too old to be followed again."""
     is_resumable = authority.is_resumable and authority.state == "MANUAL"
     return replace(authority, kept=None, is_resumable=is_resumable)
 

@@ -1,4 +1,4 @@
-"""Alerts made from the records of a session: a pure fold, record by record."""
+"""Alerts made from the records of a session, one record at a time; without side effects."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -31,31 +31,29 @@ class Alert:
 
     @property
     def is_urgent(self) -> bool:
-        """True for faults and limits, which have a quota of their own."""
+        """True for faults and limits, whose number is limited separately."""
         return self.kind in URGENT
 
 
 KINDS = (StateChange, Identified, Miss, Event, FrameTaken, TrackState)
-"""Kinds of records that can give an alert."""
 _ITS_OWN = frozenset(("looked for again", "operator's word", "STOP", "disarmed", "moved by hand"))
 """Causes by which a track ends on the operator's order."""
 
 
 @dataclass(slots=True)
 class SessionAlerts:
-    """A fold over a session's records that gives the alerts of each record."""
+    """The state from which each record of a session is turned into alerts."""
 
     frames: int = 0
     tracks: set[int] = field(default_factory=set)
     names: dict[int, str] = field(default_factory=dict)
-    """Names of identified objects by track number, as they were sent."""
     is_cloudy: bool = False
 
     def take(self, t_utc_ns: int, record: Record) -> list[Alert]:
-        """Add one record and return the alerts that it gives."""
+        """Process one record and return its alerts."""
         return [Alert(kind=kind, text=words, t_utc_ns=t_utc_ns) for kind, words in self._of(record)]
 
-    def done(self, t_utc_ns: int) -> Alert:
+    def closing_alert(self, t_utc_ns: int) -> Alert:
         """Return the alert that says that the session was closed."""
         named = ", ".join(dict.fromkeys(self.names.values()))
         words = f"the session is closed: {self.frames} frames, {len(self.tracks)} tracks"

@@ -18,7 +18,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from rsoconsole.base import json_of, lock_file, read_foreign, write_durably
+from rsoconsole.base import lock_file, parse_json, read_foreign_text, write_durably
 
 MOST = 200
 MAX_SESSIONS = 8
@@ -77,7 +77,7 @@ class Spool:
             self._write()
 
     def last_alerted_record(self, session: str) -> int | None:
-        """Return the number of the last record of a session that gave a queued alert; 0: none.
+        """Return the number of a session's last record that gave a message; 0 without one.
 
         None where another process owns the file.
         """
@@ -85,7 +85,7 @@ class Spool:
             return None
         return self._seen.get(session, 0)
 
-    def first_for(self, service: str) -> QueuedMessage | None:
+    def oldest_unsent(self, service: str) -> QueuedMessage | None:
         """Return the oldest message not yet sent to a service; None where there is none."""
         with self._lock:
             self._claim_if_due()
@@ -194,7 +194,7 @@ def _read(path: Path) -> tuple[list[QueuedMessage], dict[str, int]]:
     found: list[QueuedMessage] = []
     seen: dict[str, int] = {}
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, UnicodeDecodeError):
-        fields_: dict[str, Any] = json_of(read_foreign(path))
+        fields_: dict[str, Any] = parse_json(read_foreign_text(path))
         for row in fields_["waiting"][-MOST:]:
             with contextlib.suppress(ValueError):  # the others are told all the same
                 found.append(_WAITING.validate_python(row))

@@ -32,8 +32,8 @@ HOUR_S = 3600.0
 class Limiter:
     """Limits how many alerts are sent.
 
-    Urgent alerts (faults and limits) have a quota of their own, and only equal texts hold each
-    other back; other alerts are held back by kind.
+    Urgent alerts (faults and limits) are counted separately, and only an equal text delays them;
+    any other alert is delayed by an earlier one of its kind.
     """
 
     events: Collection[AlertKind]
@@ -104,7 +104,7 @@ def log_own_messages_only(stream: TextIO) -> None:
 
 
 class EngineLink:
-    """What stdin says of the engine: each line that its loop is alive, the end that it is gone."""
+    """The engine's signs of life on stdin: each line means a live loop, the end a gone engine."""
 
     def __init__(self, alive_s: float = ALIVE_S) -> None:
         self._holds_s, self._alive_s = alive_s, time.monotonic()
@@ -181,14 +181,14 @@ def _follow(
         is_closed = False
         with contextlib.suppress(SessionError):  # not begun yet, or moved away: look again
             reader = SessionReader(folder)
-            is_closed = reader.about().get("is_closed") is True
+            is_closed = reader.read_meta().get("is_closed") is True
             for place, t_utc_ns, record in reader.records(seq, KINDS):
                 seq, alerts = place, news.take(t_utc_ns, record)
                 for alert in alerts if not is_old and seq > (seen or 0) else ():
                     send(alert)
             is_old = False
         if is_closed:
-            send(news.done(time.time_ns()))
+            send(news.closing_alert(time.time_ns()))
             return
         if gone_s is not None:
             if time.monotonic() - gone_s > float(settings.get("closing_s", CLOSING_S)):

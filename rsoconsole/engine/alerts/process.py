@@ -22,12 +22,11 @@ log = logging.getLogger(__name__)
 
 BEAT_S = 15.0
 AGAIN_S = 60.0
-"""Least time before an alert process that died is replaced, s."""
 _MODULE = "rsoconsole.engine.alerts.child"
 
 
 class AlertProcess:
-    """The alert process beside the engine; raises nothing and takes none of the loop's time."""
+    """The alert process beside the engine; its methods raise nothing and never delay the loop."""
 
     def __init__(
         self,
@@ -48,7 +47,7 @@ class AlertProcess:
         self._settings: Mapping[str, Any] | None = None
         self.fault: str | None = None
         """Reason why no alerts are sent, in words for the log; None without one."""
-        if not config.is_wanted:
+        if not config.is_configured:
             return
         try:
             services = services_of(config)
@@ -81,7 +80,7 @@ class AlertProcess:
         self._thread.start()
 
     def close(self) -> None:
-        """Let the alert process end by itself once it has sent the rest; returns at once."""
+        """Tell the alert process to end once its messages are sent; returns at once."""
         self._end.set()
         if self._thread is not None:
             self._thread.join(1.0)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import ConfigError, read_private, value_errors_as
-from rsoconsole.config import AlertsConfig, expect_service, scheme_of
+from rsoconsole.base import ConfigError, read_private_lines, value_errors_as
+from rsoconsole.config import AlertsConfig, expect_service_url, service_scheme
 from rsoconsole.engine.alerts._news import URGENT
 from rsoconsole.engine.alerts._spool import QueuedMessage, Spool, digest_of
 
@@ -36,13 +36,13 @@ class SendResult:
 def services_of(config: AlertsConfig) -> tuple[Service, ...]:
     """Return all configured services.
 
-    Raises ConfigError for a file that is unreadable, or readable by other users.
+    Raises ConfigError where ``services_file`` is unreadable, or readable by other users.
     """
     urls = [*config.services]
     if config.services_file is not None:
         urls += _of_file(config.services_file)
     urls = list(dict.fromkeys(urls))
-    return tuple(Service(f"{scheme_of(url)} {n}", url) for n, url in enumerate(urls, start=1))
+    return tuple(Service(f"{service_scheme(url)} {n}", url) for n, url in enumerate(urls, start=1))
 
 
 def send(url: str, title: str, body: str, *, is_urgent: bool = False) -> SendResult:
@@ -101,11 +101,11 @@ def send_heartbeat(url: str, *, limit_s: float = SEND_S) -> SendResult:
 
 
 def _of_file(path: Path) -> Sequence[str]:
-    lines = read_private(path, ConfigError, "alerts.services_file has one address a line")
+    lines = read_private_lines(path, ConfigError, "alerts.services_file has one address a line")
     urls = [line for line in lines if not line.startswith("#")]
     for number, url in enumerate(urls, start=1):
         with value_errors_as(ConfigError, f"{path}, address {number}: "):
-            expect_service(url)
+            expect_service_url(url)
     return urls
 
 
@@ -151,7 +151,7 @@ class AlertSender:
             self._there.notify_all()
 
     def finish(self, limit_s: float) -> int:
-        """Wait until all is sent, ``limit_s`` at most; return the number still queued."""
+        """Wait up to ``limit_s`` until all is sent; return the number of messages still queued."""
         deadline = time.monotonic() + limit_s
         self._drop_old()  # what another engine left for services of its own is not waited for
         while len(self._spool) and time.monotonic() < deadline:
@@ -165,7 +165,7 @@ class AlertSender:
         digest, again_s = digest_of(service.url), self._first_again_s
         is_failing = False
         while not self._end.is_set():
-            waiting = self._spool.first_for(digest)
+            waiting = self._spool.oldest_unsent(digest)
             if waiting is None:
                 with self._there:
                     self._there.wait(_LOOK_S)

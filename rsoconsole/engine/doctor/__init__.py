@@ -1,1 +1,1 @@
-"""Checks whether this machine is ready for a night; each is for something that once ended one."""
+"""Checks whether this machine is ready for a night; each finds a fault that can end one."""

@@ -15,7 +15,7 @@ from rsoconsole.engine.aim.instrument_controller import SLEW_OVERHEAD_S
 from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.instruments import frame_from_bytes
-from rsoconsole.pipeline import Cycle, Reduction, note_stage_ms, open_reducer
+from rsoconsole.pipeline import Cycle, Reduction, open_reducer, time_stage
 from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.session import compress_frame
 from rsoconsole.tracking import Following
@@ -44,7 +44,6 @@ STAGES: Mapping[str, str] = {
     "disk": "written to session.root and waited for",
     "read back": "the compressed frame to pixels",
 }
-"""Description of every stage, by its name."""
 Times: TypeAlias = dict[str, float]
 
 
@@ -71,14 +70,13 @@ class BenchResult:
     detections: int
     compressed_bytes: int
     notes: tuple[str, ...]
-    """Remarks, in words, on what differed from a real night."""
 
     def median_ms(self, stage: str) -> float | None:
         """Median time of one stage, ms; None where it was not measured."""
         return next((each.median_ms for each in self.stages if each.stage == stage), None)
 
 
-def measure(
+def run_benchmark(
     config: Config,
     fits: bytes,
     *,
@@ -169,17 +167,17 @@ class _Bench:
             self.notes.append(f"not solved: {solution.reason}")
 
     def _record(self, frame: Frame, times: Times) -> None:
-        with note_stage_ms(times, "compress"):
+        with time_stage(times, "compress"):
             content = compress_frame(frame)
         self.compressed_bytes = len(content)
-        with note_stage_ms(times, "read back"):
+        with time_stage(times, "read back"):
             frame_from_bytes(content, 1, "bench.fits")
         try:
             if free_bytes(self._scratch) < SPARE_BYTES:
                 self.notes.append("the disk is nearly full: writing was not measured")
                 return
             path = self._scratch / "frame.fits"
-            with note_stage_ms(times, "disk"):
+            with time_stage(times, "disk"):
                 write_durably(path, content)
             path.unlink()
         except OSError as error:
@@ -210,13 +208,12 @@ def _stages(rounds: list[Times]) -> Iterator[BenchStage]:
 
 
 SIDEREAL_DEG_S = 15.041 / 3600.0
-"""Rate of a geostationary satellite among the stars, and of the mount from frame to frame,
-deg/s."""
+"""Rate of a geostationary satellite among the stars, and of the mount between frames, deg/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSummary:
-    """One configured cycle of the loop, computed from the measured times."""
+    """The times and sizes of one configured cycle, computed from the measured times."""
 
     exposure_s: float
     cadence_s: float
@@ -238,7 +235,7 @@ class BenchSummary:
     is_recorded: bool
 
     @property
-    def is_enough(self) -> bool:
+    def is_fast_enough(self) -> bool:
         """True where the machine keeps to the configured cadence and can record all frames."""
         return self.is_held and self.is_recorded
 

@@ -1,6 +1,6 @@
-"""Checks whether this machine is ready for a night; each is for something that once ended one.
+"""Checks whether this machine is ready for a night; each finds a fault that can end one.
 
-No check raises or changes anything, and each says what to do where something is wrong.
+No check raises or changes anything; a check that fails says what to do.
 """
 
 import math
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from rsoconsole.base import InstrumentError, RsoconsoleError, indi_port_option, setup_check
 from rsoconsole.config import Config, IndiConfig, SiteConfig
 from rsoconsole.engine.doctor import checks, doctor_indi, doctor_system
-from rsoconsole.engine.doctor.checks import Check, bad, passed_check, unsure
+from rsoconsole.engine.doctor.checks import CheckResult, doubtful_check, failed_check, passed_check
 from rsoconsole.engine.doctor.doctor_indi import import_faults
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES, missing_abilities
@@ -40,9 +40,9 @@ _LIBRARIES_OF_PROCESSES = ("indipydriver", "indipyserver", "textual", "plotext")
 _RUNTIMES = ("ai_edge_litert.interpreter", "tflite_runtime.interpreter")
 
 
-def run_checks(config: Config) -> Iterator[Check]:
+def run_checks(config: Config) -> Iterator[CheckResult]:
     """Yield each check's result as soon as it is done."""
-    by_name: tuple[tuple[str, Callable[[Config], Check]], ...] = (
+    by_name: tuple[tuple[str, Callable[[Config], CheckResult]], ...] = (
         ("system", lambda _: check_system()),
         ("python", check_libraries),
         ("network", check_network),
@@ -61,7 +61,7 @@ def run_checks(config: Config) -> Iterator[Check]:
         ("temperature", lambda _: checks.check_temperature(read_machine())),
         ("power", lambda _: checks.check_power(read_machine())),
         ("disk", check_disk),
-        ("recording medium", checks.check_medium),
+        ("recording medium", checks.check_recording_medium),
         ("sessions folder", check_sessions_folder),
         ("terminal", lambda _: check_terminal()),
     )
@@ -70,26 +70,26 @@ def run_checks(config: Config) -> Iterator[Check]:
             found = check(config)
         except Exception as error:  # the doctor's own fault must not hide the other checks
             fault = f"the check itself failed: {type(error).__name__}: {error}"
-            found = unsure(fault, "reinstall rsoconsole")
+            found = doubtful_check(fault, "reinstall rsoconsole")
         yield replace(found, check=name)
 
 
-def check_system() -> Check:
+def check_system() -> CheckResult:
     """Check that the program's packages are available for this system, for a new installation."""
-    machine = setup_check.read_machine(Path(sys.prefix))
+    machine = setup_check.probe_machine(Path(sys.prefix))
     python = ".".join(map(str, machine.python))
     detail = f"{64 if machine.is_64_bit else 32}-bit {machine.machine}, Python {python}"
-    found = setup_check.faults(machine)
+    found = setup_check.installation_faults(machine)
     if not found:
         return passed_check(detail)
     # It runs, so only the next installation would fail.
-    return unsure(
+    return doubtful_check(
         f"{detail}; rsoconsole could not be installed again: {'; '.join(found)}",
         setup_check.APT_LINE,
     )
 
 
-def check_libraries(_config: Config) -> Check:
+def check_libraries(_config: Config) -> CheckResult:
     """Check that every library loads; they are loaded in another process, which may crash."""
     names = (*_LIBRARIES, *_LIBRARIES_OF_PROCESSES, *_RUNTIMES)
     broken = import_faults(names)
@@ -98,30 +98,30 @@ def check_libraries(_config: Config) -> Check:
     version = ".".join(str(part) for part in sys.version_info[:3])
     if broken:
         what = "; ".join(f"{name}: {fault}" for name, fault in broken.items())
-        return bad(
+        return failed_check(
             f"Python {version}; {what}",
             f"'{setup_check.APT_LINE}', and install again with the README's first command",
         )
     return passed_check(f"Python {version}, every library loads")
 
 
-def check_network(config: Config) -> Check:
+def check_network(config: Config) -> CheckResult:
     """Check that the detector's network file exists, matches its model card, and runs here."""
     from rsoconsole.vision import ANOTHER_NETWORK, Network
 
     try:
         network = Network.load(config.detector.model, config.detector.threads)
     except (RsoconsoleError, FileNotFoundError) as error:
-        return bad(str(error), f"reinstall rsoconsole, {ANOTHER_NETWORK}")
+        return failed_check(str(error), f"reinstall rsoconsole, {ANOTHER_NETWORK}")
     return passed_check(network.version)
 
 
-def check_camera(config: Config) -> Check:
-    """Check that scale, exposure and frame size are those for which confidences were calibrated."""
-    from rsoconsole.vision import is_usable_scale, range_cautions
+def check_camera(config: Config) -> CheckResult:
+    """Check that confidences were calibrated for this scale, exposure and frame size."""
+    from rsoconsole.vision import camera_cautions, is_usable_scale
 
     optics, exposure_s = config.optics, config.exposure.exposure_s
-    outside = range_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
+    outside = camera_cautions(optics.scale_arcsec_px, exposure_s, optics.width_px, optics.height_px)
     if not outside:
         return passed_check(
             f"{optics.scale_arcsec_px:.3g} arcsec/px, {optics.width_px} x {optics.height_px} px,"
@@ -132,29 +132,29 @@ def check_camera(config: Config) -> Check:
         "exposure": "exposure.exposure_s",
         "size": "optics.width_px and optics.height_px",
     }
-    return Check(
+    return CheckResult(
         ok=None if is_usable_scale(optics.scale_arcsec_px) else False,
         detail="; ".join(outside.values()),
         remedy=f"if that is not so, correct {', '.join(settings[about] for about in outside)}",
     )
 
 
-def check_index_files(config: Config) -> Check:
-    """Check that the plate solver has an index file of every scale that the field needs."""
-    from rsoconsole.instruments import list_index_files, needed_scales, search_dirs
+def check_index_files(config: Config) -> CheckResult:
+    """Check that the plate solver has index files for all scales that the field needs."""
+    from rsoconsole.instruments import folders_to_search, list_index_files, needed_tycho_numbers
 
     try:
-        scales = needed_scales(config.optics.field_deg)
-        files = list_index_files(search_dirs(config.solver.index_dirs))
+        scales = needed_tycho_numbers(config.optics.field_deg)
+        files = list_index_files(folders_to_search(config.solver.index_dirs))
     except (RsoconsoleError, FileNotFoundError) as error:
-        return bad(str(error), "'rsoconsole index install'")
+        return failed_check(str(error), "'rsoconsole index install'")
     width_deg, height_deg = config.optics.field_deg
     field = f"a field of {width_deg:.2f} x {height_deg:.2f} deg"
     usable = [file for file in files if file.is_healthy and file.scale in scales]
     missing = sorted(set(scales) - {file.scale for file in usable})
     faulty = [f"{file.path}: {file.fault}" for file in files if not file.is_healthy]
     if missing:
-        return bad(
+        return failed_check(
             "; ".join([f"{field} lacks scale {', '.join(map(str, missing))}", *faulty]),
             "'rsoconsole index install' gets them",
         )
@@ -166,10 +166,10 @@ def check_index_files(config: Config) -> Check:
     )
 
 
-def check_catalogue(config: Config) -> Check:
-    """Check that files of elements can be read and are not too old.
+def check_catalogue(config: Config) -> CheckResult:
+    """Check that the files of elements can be read and are recent enough.
 
-    Too old: positions of geostationary satellites are not good enough for identification.
+    Elements are too old where they no longer identify geostationary satellites.
     """
     from rsoconsole.pipeline import read_catalogue
 
@@ -186,21 +186,21 @@ def check_catalogue(config: Config) -> Check:
     try:
         entries = read_catalogue(files)
     except RsoconsoleError as error:
-        return bad(str(error), f"{fetch}, or mend the path")
+        return failed_check(str(error), f"{fetch}, or mend the path")
     now_utc_ns = utc_now_ns()
     in_order = sorted(entries, key=lambda each: each.epoch_utc_ns)
     newest = {each.norad_id: each.epoch_utc_ns for each in in_order}
     ages_days = sorted((now_utc_ns - epoch) / NS_PER_DAY for epoch in newest.values())
     middle_days = ages_days[len(ages_days) // 2]
     is_fresh = middle_days <= STALE_DAYS
-    return Check(
+    return CheckResult(
         ok=True if is_fresh else None,
         detail=f"{len(newest)} objects, half of their elements younger than {middle_days:.1f} d",
         remedy="" if is_fresh else f"{fetch}: kept satellites leave their elements by then",
     )
 
 
-def check_site(config: Config) -> Check:
+def check_site(config: Config) -> CheckResult:
     """Check that the observing site has been set; the default site is far from most telescopes."""
     site, papers = config.site, SiteConfig()
     place = f"{_place(site.to_site())}, {site.elevation_m:.0f} m"
@@ -208,13 +208,13 @@ def check_site(config: Config) -> Check:
     is_papers = is_papers and site.longitude_deg == papers.longitude_deg
     if config.indi.simulated or not is_papers:
         return passed_check(place)
-    return unsure(
+    return doubtful_check(
         f"{place}: still the default, {papers.name}. Is it really yours?",
         "set site.latitude_deg, site.longitude_deg (east positive) and site.elevation_m",
     )
 
 
-def check_indi_server(config: Config) -> Check:
+def check_indi_server(config: Config) -> CheckResult:
     """Check that the INDI server answers, and has the configured mount and camera."""
     indi, others = config.indi, config.instruments
     address = f"{indi.host}:{indi.port}"
@@ -223,20 +223,20 @@ def check_indi_server(config: Config) -> Check:
     settings |= {name: None for name in ("mount", "camera") if getattr(others, name) != "indi"}
     wanted = {device for device in settings.values() if device is not None}
     if missing_words := missing_protocol(config):
-        return bad(missing_words)
+        return failed_check(missing_words)
     if not wanted:
         return passed_check(f"not used: mount by {others.mount}, camera by {others.camera}")
     try:
-        found = doctor_indi.devices_there(indi.host, indi.port, wanted, config.waits.quiet_s)
+        found = doctor_indi.announced_devices(indi.host, indi.port, wanted, config.waits.quiet_s)
     except OSError as error:
-        return bad(
+        return failed_check(
             f"nothing answers at {address}: {error}",
             f"start indiserver{indi_port_option(indi.port)} with your mount's and camera's"
             " drivers, or set indi.host and indi.port; 'rsoconsole demo' brings its own",
         )
     if missing := wanted - found:
         names = [f"indi.{name}" for name, device in settings.items() if device in missing]
-        return bad(
+        return failed_check(
             f"{address} answers but has no {' and no '.join(sorted(missing))}"
             + (f" (it has: {', '.join(sorted(found))})" if found else " nor any other device yet"),
             f"start the driver, or set {' and '.join(names)} to its device's name",
@@ -245,17 +245,19 @@ def check_indi_server(config: Config) -> Check:
     return passed_check(f"{address}: {there}")
 
 
-def check_mount_site(config: Config) -> Check:
+def check_mount_site(config: Config) -> CheckResult:
     """Check that the mount's site is the configured site, on which its limits depend."""
     indi = config.indi
     if config.instruments.mount != "indi":
-        return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
+        return doubtful_check(f"a mount by {config.instruments.mount} is asked when it is armed")
     try:
         reported = doctor_indi.mount_site(indi.host, indi.port, indi.mount, config.waits.quiet_s)
     except InstrumentError as error:
-        return unsure(str(error))
+        return doubtful_check(str(error))
     if reported is None:
-        return unsure(f"{indi.mount} does not tell it: is its driver connected to the mount?")
+        return doubtful_check(
+            f"{indi.mount} does not tell it: is its driver connected to the mount?"
+        )
     own = config.site.to_site()
     apart_km = KM_PER_DEG * separation_deg(
         own.longitude_deg, own.latitude_deg, reported.longitude_deg, reported.latitude_deg
@@ -268,24 +270,26 @@ def check_mount_site(config: Config) -> Check:
         "correct site.latitude_deg and site.longitude_deg, or tell the mount: indi_setprop"
         f"{_indi_options(indi)} '{indi.mount}.GEOGRAPHIC_COORD.{option}'"
     )
-    return bad(detail, remedy)
+    return failed_check(detail, remedy)
 
 
-def check_mount_driver(config: Config) -> Check:
+def check_mount_driver(config: Config) -> CheckResult:
     """Check that the mount's driver offers all functions that a night needs.
 
     Lists the missing ones with their effects.
     """
     indi = config.indi
     if config.instruments.mount != "indi":
-        return unsure(f"a mount by {config.instruments.mount} is asked when it is armed")
+        return doubtful_check(f"a mount by {config.instruments.mount} is asked when it is armed")
     quiet_s = min(config.waits.quiet_s, DEFINED_S)
     try:
         abilities = doctor_indi.mount_abilities(indi.host, indi.port, indi.mount, quiet_s)
     except InstrumentError as error:
-        return unsure(str(error))
+        return doubtful_check(str(error))
     if abilities is None:
-        return unsure(f"{indi.mount} tells no position: is its driver connected to the mount?")
+        return doubtful_check(
+            f"{indi.mount} tells no position: is its driver connected to the mount?"
+        )
     lacks = missing_abilities(abilities, config.mount)
     if not lacks:
         return passed_check(f"{indi.mount} offers all that is used")
@@ -297,7 +301,7 @@ def check_mount_driver(config: Config) -> Check:
         overrides = " ".join(f"--override {each}" for each in unsafe)
         remedy = f"another driver; else stay beside it and arm with {overrides}"
     detail = f"{indi.mount} has no {missing}. {detail}"
-    return Check(ok=False if unsafe else None, detail=detail, remedy=remedy)
+    return CheckResult(ok=False if unsafe else None, detail=detail, remedy=remedy)
 
 
 def _indi_options(indi: IndiConfig) -> str:
@@ -306,11 +310,11 @@ def _indi_options(indi: IndiConfig) -> str:
     return host + indi_port_option(indi.port)
 
 
-def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.inf) -> Check:
-    """Check that the system's clock is synchronised; in a second the sky moves by 15 arcsec."""
+def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.inf) -> CheckResult:
+    """Check that the system's clock is synchronised, within ``most_offset_s`` seconds."""
     clock = clock or doctor_system.read_clock()
     if clock.is_synchronised is None:
-        return unsure(
+        return doubtful_check(
             "this system does not tell whether its clock is synchronised",
             "compare it with a time server or a GPS receiver",
         )
@@ -324,10 +328,10 @@ def check_clock(clock: ClockReading | None = None, most_offset_s: float = math.i
         remedy = "'sudo timedatectl set-ntp true', or chrony with a GPS receiver"
     elif abs(clock.offset_s or 0.0) > most_offset_s:
         remedy = "wait until it has settled"
-    return Check(ok=not remedy, detail=", ".join(parts), remedy=remedy)
+    return CheckResult(ok=not remedy, detail=", ".join(parts), remedy=remedy)
 
 
-def check_disk(config: Config) -> Check:
+def check_disk(config: Config) -> CheckResult:
     """Check that the disk has room for the coming night."""
     now_utc_ns = utc_now_ns()
     free_bytes = doctor_system.free_bytes(config.session.root)
@@ -338,23 +342,25 @@ def check_disk(config: Config) -> Check:
         return passed_check(detail)
     is_enough = outlook.nights >= 1.0
     soon = f"; soon: {DISK_REMEDY}" if is_enough else ""
-    return Check(ok=is_enough, detail=detail + soon, remedy=DISK_REMEDY)
+    return CheckResult(ok=is_enough, detail=detail + soon, remedy=DISK_REMEDY)
 
 
-def check_sessions_folder(config: Config) -> Check:
+def check_sessions_folder(config: Config) -> CheckResult:
     """Check that sessions can be written to their folder."""
     root = config.session.root
     fault = doctor_system.write_fault(root)
     if fault is None:
         return passed_check(str(root))
-    return bad(f"{root}: {fault}", "give yourself the right to write there, or set session.root")
+    return failed_check(
+        f"{root}: {fault}", "give yourself the right to write there, or set session.root"
+    )
 
 
-def check_terminal() -> Check:
+def check_terminal() -> CheckResult:
     """Check that the terminal is large enough and knows UTF-8 and colours."""
     found = doctor_system.read_terminal()
     if found is None:
-        return unsure("there is none here: only the console needs one")
+        return doubtful_check("there is none here: only the console needs one")
     faults = []
     if found.columns < 80 or found.rows < 24:
         faults.append("make it at least 80 x 24")
@@ -363,7 +369,7 @@ def check_terminal() -> Check:
     if found.colours < 16:
         faults.append("set TERM to one with colours, e.g. xterm-256color")
     encoding = "UTF-8" if found.is_utf8 else "not UTF-8"
-    return Check(
+    return CheckResult(
         ok=not faults,
         detail=f"{found.columns} x {found.rows}, {found.colours} colours, {encoding}",
         remedy="; ".join(faults),

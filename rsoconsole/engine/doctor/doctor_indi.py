@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from contextlib import closing
 
 from rsoconsole.config import Config
-from rsoconsole.engine.doctor.checks import Check, bad, passed_check
+from rsoconsole.engine.doctor.checks import CheckResult, failed_check, passed_check
 from rsoconsole.engine.doctor.mount_lacks import PROPERTIES
 from rsoconsole.instruments import (
     ANY_CLIENT,
     IndiWire,
     MountAbilities,
-    abilities_by,
+    abilities_from_properties,
     allowed_libraries,
 )
 from rsoconsole.records import Site
@@ -40,7 +40,7 @@ _PATIENCE_S = 120
 
 
 def import_faults(names: Sequence[str]) -> dict[str, str]:
-    """Return why modules do not load, by module name; those that load are left out."""
+    """Return the reason why each module does not load, by name; loadable ones are left out."""
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", _IMPORT_ALL, *names],
         capture_output=True,
@@ -61,7 +61,7 @@ _ALL_OF_MOUNT = {_COORDINATES, *PROPERTIES.values()}
 _DEVICE = re.compile(rb"""device=(?:"([^"]+)"|'([^']+)')""")
 
 
-def check_client(config: Config) -> Check:
+def check_client(config: Config) -> CheckResult:
     """Check that the configured INDI client library is installed and loads."""
     setting = config.indi.client
     if "indi" not in (config.instruments.mount, config.instruments.camera):
@@ -71,18 +71,20 @@ def check_client(config: Config) -> Check:
     found = [
         f"{each.title} does not load: {faults[each.module]}"
         for each in meant
-        if each.is_there and each.module in faults
+        if each.is_installed and each.module in faults
     ]
     usable = [each for each in meant if each.module not in faults]
     if usable:
         detail = "; ".join([f"{usable[0].title} (indi.client is {setting})", *found])
         return passed_check(detail)
-    found += [f"{each.package} is not installed" for each in meant if not each.is_there]
+    found += [f"{each.package} is not installed" for each in meant if not each.is_installed]
     remedy = f"'{meant[-1].install}'"
-    return bad("; ".join(found), remedy if setting == "auto" else f"{remedy}, {ANY_CLIENT}")
+    return failed_check(
+        "; ".join(found), remedy if setting == "auto" else f"{remedy}, {ANY_CLIENT}"
+    )
 
 
-def devices_there(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
+def announced_devices(host: str, port: int, wanted: set[str], quiet_s: float) -> set[str]:
     """Return the devices that the INDI server announces; stops once all ``wanted`` are there.
 
     Stops also when the server has announced nothing new for ``quiet_s``. Raises OSError.
@@ -125,7 +127,7 @@ def mount_abilities(host: str, port: int, mount: str, quiet_s: float) -> MountAb
             if vector is None:
                 break
             found.add(vector.name)
-    return abilities_by(found) if _COORDINATES in found else None
+    return abilities_from_properties(found) if _COORDINATES in found else None
 
 
 def mount_site(host: str, port: int, mount: str, quiet_s: float) -> Site | None:

@@ -18,7 +18,7 @@ _TIMESYNC_FLAG = Path("/run/systemd/timesync/synchronized")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockReading:
-    """What the kernel reports of the system's clock."""
+    """The kernel's report on the system clock."""
 
     is_synchronised: bool | None
     """True when synchronised; None when the system does not report it."""
@@ -38,7 +38,7 @@ class Terminal:
 
 
 def read_clock() -> ClockReading:
-    """Read what the kernel reports of its clock, by adjtimex(2); changes nothing."""
+    """Read the kernel's report on its clock, by adjtimex(2); nothing is changed."""
     flag = True if _TIMESYNC_FLAG.exists() else None
     if not sys.platform.startswith("linux"):
         return ClockReading(is_synchronised=flag)
@@ -69,7 +69,7 @@ def free_bytes(folder: Path) -> int:
 
 
 def write_fault(folder: Path) -> str | None:
-    """Return why a folder cannot be written; None when it can, or can once it is made."""
+    """Return why a folder cannot be written or made; None when it can."""
     nearest = nearest_existing(folder)
     if not nearest.is_dir():
         return f"{nearest} is no folder"
@@ -95,13 +95,13 @@ def read_terminal(environ: Mapping[str, str] | None = None) -> Terminal | None:
         return Terminal(
             columns=columns,
             rows=rows,
-            colours=colours_of(environ),
+            colours=terminal_colours(environ),
             is_utf8=locale.getpreferredencoding(do_setlocale=False).upper() in {"UTF-8", "UTF8"},
         )
     return None
 
 
-def colours_of(environ: Mapping[str, str]) -> int:
+def terminal_colours(environ: Mapping[str, str]) -> int:
     """Return the number of colours that the terminal's environment variables declare."""
     if environ.get("COLORTERM", "") in {"truecolor", "24bit"}:
         return 1 << 24

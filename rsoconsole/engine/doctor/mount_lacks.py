@@ -16,12 +16,11 @@ PROPERTIES: dict[LackName, str] = {
     "site": "GEOGRAPHIC_COORD",
     "time": "TIME_UTC",
 }
-"""The INDI property of each function."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissingAbility:
-    """One function that a driver lacks, and what follows from that."""
+    """One function that a driver lacks, and the consequence."""
 
     name: LackName
     what: str

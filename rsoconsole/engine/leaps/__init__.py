@@ -1,1 +1,1 @@
-"""Leaps ahead of low satellites, and stares that wait for one to come by."""
+"""Leaps: slews to points ahead of a low satellite, and stares that wait for a satellite."""

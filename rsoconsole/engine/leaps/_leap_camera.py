@@ -1,4 +1,4 @@
-"""The camera's exposure, binning and subframe during leaps, and their return to the night's."""
+"""The camera's exposure, binning and subframe during leaps, restored afterwards."""
 
 import logging
 
@@ -6,8 +6,13 @@ from rsoconsole.base import InstrumentError
 from rsoconsole.config import Config
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import LoopControl
-from rsoconsole.engine.tasks.pace import EXPOSURE, change_record, config_with_setting, two_digits
-from rsoconsole.pipeline import binning_for
+from rsoconsole.engine.tasks.pace import (
+    EXPOSURE,
+    change_record,
+    config_with_setting,
+    round_to_two_digits,
+)
+from rsoconsole.pipeline import leap_binning
 
 log = logging.getLogger(__name__)
 
@@ -15,7 +20,7 @@ _WORTH_CHANGING = 0.15
 
 
 class LeapCamera:
-    """Sets exposure, binning and subframe for leaps, on record, and sets them back afterwards."""
+    """Sets exposure, binning and subframe for leaps, records it, and restores them later."""
 
     def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control, self._session_log = control, parts.session_log
@@ -33,7 +38,6 @@ class LeapCamera:
         self._before_s: float | None = None
         """The night's own exposure, s, where the leaps have set another; else None."""
         self._set_s = 0.0
-        """Exposure set by the leaps, s."""
 
     def begin(self) -> bool:
         """Set the binning for leaps; True where the camera's binning has changed by that.
@@ -41,7 +45,7 @@ class LeapCamera:
         A camera that cannot bin is reported once, and used unbinned.
         """
         config = self._control.config
-        wanted = config.leap.binning or binning_for(config)
+        wanted = config.leap.binning or leap_binning(config)
         if wanted == self._asked:
             return False
         self._asked, before = wanted, self.binning
@@ -54,11 +58,11 @@ class LeapCamera:
         return self.binning != before
 
     def set_subframe(self, share: float) -> bool:
-        """Read out only the sensor's middle from the next exposure on, ``share`` of each side.
+        """Read only the sensor's middle from the next exposure on; True where that is a change.
 
-        True where that has changed. A camera without subframes is reported once, and read out
-        whole. A camera that does not return to the whole sensor gets the order again at the next
-        call.
+        ``share``: part of each side, 1: all. A camera without subframes is reported once, and read
+        out whole. Where the camera does not return to the whole sensor, the next call orders it
+        again.
         """
         if share == self._share_asked or (share < 1.0 and not self._can_read_parts):
             return False
@@ -82,18 +86,18 @@ class LeapCamera:
             self._session_log.say("info", f"the camera reads {part}")
         return self.share != before
 
-    def expose_for(self, exposure_s: float) -> None:
+    def set_exposure(self, exposure_s: float) -> None:
         """Set the exposure, on record, where it differs enough from the present one."""
         config = self._control.config
-        wanted_s = two_digits(exposure_s)
+        wanted_s = round_to_two_digits(exposure_s)
         if abs(wanted_s / config.exposure.exposure_s - 1.0) <= _WORTH_CHANGING:
             return
         if self._before_s is None:
             self._before_s = config.exposure.exposure_s
         self._set(wanted_s, "the leaps")
 
-    def give_back(self) -> None:
-        """Set exposure, binning and subframe back to what they were before the leaps."""
+    def restore_settings(self) -> None:
+        """Restore exposure, binning and subframe to their values before the leaps."""
         own_s, self._before_s = self._before_s, None
         if own_s is not None:
             self._set(own_s, "the end of the leaps")

@@ -1,4 +1,4 @@
-"""Records and log lines of leaps, and of the pass that they follow."""
+"""Records and log lines of leaps, and of the satellite's pass during which they are made."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -25,7 +25,7 @@ from rsoconsole.orbits import (
     LowOrbit,
     StreakEnds,
     TwoBodyPropagator,
-    elements_of,
+    osculating_elements,
     path_of_orbit,
 )
 from rsoconsole.pipeline import FrameStreak, Leap, Telescope, plan_pass
@@ -67,7 +67,7 @@ def leap_record(
 
 def _off(track: LeapTrack, ends: StreakEnds) -> tuple[float, float] | None:
     """Offset of a streak's middle along and across the motion, arcsec."""
-    place = track.ahead(ends.t_mid_utc_ns)
+    place = track.predicted_position(ends.t_mid_utc_ns)
     if place is None:
         return None
     ra_deg = float(ends.ra_icrs_deg[0]) + wrap_180(float(np.diff(ends.ra_icrs_deg)[0])) / 2.0
@@ -99,7 +99,6 @@ class _Begun:
     """Facts of the pass under way."""
 
     frame_id: int = 0
-    """Frame of its first streak."""
     name: str = ""
     leaps: int = 0
     planned: int = 0
@@ -119,7 +118,6 @@ class LeapLog:
         self._unrecorded: Callable[[LeapDurations], LeapDone] | None = None
         """Makes the record of the last leap, when there is time for it."""
         self._spent: list[LeapDurations] = []
-        """The times of each leap of the pass."""
         self._frame_id = 0
         """Frame of the last leap or first streak."""
 
@@ -166,13 +164,13 @@ class LeapLog:
             result=result,
         )
 
-    def record(self) -> None:
-        """Put the last leap on record, unless that was done."""
+    def record_last_leap(self) -> None:
+        """Record the last leap, unless it is recorded already."""
         record_of, self._unrecorded = self._unrecorded, None
         if record_of is not None and self._spent:
             self._session_log.append(record_of(self._spent[-1]))
 
-    def plan(
+    def log_pass_plan(
         self, track: LeapTrack, first: Leap, start: Pose, telescope: Telescope, sure_from: int
     ) -> None:
         """Log the plan of the pass: first during the first leap, and again after more streaks.
@@ -180,7 +178,7 @@ class LeapLog:
         With one streak, the likeliest of many possible orbits is used. With more, the fitted orbit
         is used, and the pass also ends at the Earth's shadow. ``sure_from``: as in ``plan_pass``.
         """
-        streaks, best = len(track.best.streaks), track.best
+        streaks, best = len(track.best_hypothesis.streaks), track.best_hypothesis
         is_first = not self._begun.planned_at
         is_again = streaks in _AGAIN_AT and streaks != self._begun.planned_at
         orbit = (
@@ -211,7 +209,7 @@ class LeapLog:
 
     def end(self, track: LeapTrack, why: str) -> None:
         """Log and record the satellite's orbit and next pass; ``why``: why the pass has ended."""
-        orbit = track.best.orbit
+        orbit = track.best_hypothesis.orbit
         self._session_log.say("info", f"{why}: {pass_summary_words(track, self._spent)}")
         later: ExpectedPass | None = None
         if orbit is not None:
@@ -227,10 +225,10 @@ class LeapLog:
         self._record_pass(track, why, None)
 
     def _record_pass(self, track: LeapTrack, end: str, later: ExpectedPass | None) -> None:
-        self.record()
-        best, begun = track.best, self._begun
+        self.record_last_leap()
+        best, begun = track.best_hypothesis, self._begun
         orbit, streaks = best.orbit, best.streaks
-        found = None if orbit is None else elements_of(orbit.r_km, orbit.v_km_s)
+        found = None if orbit is None else osculating_elements(orbit.r_km, orbit.v_km_s)
         self._session_log.append(
             LowPass(
                 frame_id=self._frame_id,
@@ -265,7 +263,7 @@ class LeapLog:
 
 def _likeliest(track: LeapTrack) -> KnownOrbit:
     """Return the likeliest of the orbits that the track's streaks allow."""
-    cloud = track.best.cloud
+    cloud = track.best_hypothesis.cloud
     heaviest = int(np.argmax(cloud.weight))
     return KnownOrbit(
         epoch_utc_ns=cloud.epoch_utc_ns,

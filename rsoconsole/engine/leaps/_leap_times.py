@@ -14,14 +14,14 @@ from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.pipeline import (
     LAST_SLEWS,
     Leap,
-    LeapTerms,
+    LeapParameters,
     MeasuredSlew,
     MountMotion,
     Telescope,
+    frame_timing,
+    leap_parameters,
     learned_motion,
-    shutter_mid_utc_ns,
-    shutter_time,
-    terms_of,
+    mid_exposure_utc_ns,
 )
 from rsoconsole.records import Frame
 
@@ -51,7 +51,7 @@ class _Turn:
 
 @dataclass(slots=True)
 class SettleTrials:
-    """Learns how long the mount must settle, by testing other times against the time in use.
+    """Learns the mount's settling time, by comparing the time in use with other times.
 
     The width of the stars shows whether the mount had settled.
     """
@@ -67,7 +67,6 @@ class SettleTrials:
     _used: _Turn | None = None
     """Settling time of the leap under way; None: not known."""
     _comparison: int = 0
-    """Number of the comparison under way."""
     _refused: int = 0
     """Number of tested times in a row that were not adopted."""
     _rests: int = 0
@@ -75,12 +74,12 @@ class SettleTrials:
     """Widths of the stars, px, with the time in use (False) and with the tested time (True)."""
 
     @property
-    def seconds(self) -> float:
-        """Settling time for the next leap, in use or in test, s."""
-        return self.kept_s if self._next is None else self._next.seconds
+    def next_settle_s(self) -> float:
+        """Settling time for the next leap, s: the one in use, or one under test."""
+        return self.settle_in_use_s if self._next is None else self._next.seconds
 
     @property
-    def kept_s(self) -> float:
+    def settle_in_use_s(self) -> float:
         """Settling time in use, as learned until now, s."""
         return self.configured_s * self._factor
 
@@ -88,22 +87,22 @@ class SettleTrials:
     def _trial_s(self) -> float:
         """Time in trial, s: shorter than the kept one; or longer, at least the configured one."""
         if self._is_shorter:
-            return max(self.kept_s * STEP, min(SHORTEST_S, self.configured_s))
+            return max(self.settle_in_use_s * STEP, min(SHORTEST_S, self.configured_s))
         return max(self._step_back_s, self.configured_s)
 
     @property
     def _step_back_s(self) -> float:
-        return min(self.kept_s / STEP, LONGEST * self.configured_s)
+        return min(self.settle_in_use_s / STEP, LONGEST * self.configured_s)
 
-    def begun(self) -> None:
+    def begin_next_leap(self) -> None:
         """Note that the mount has settled for a leap, and choose the settling time of the next."""
-        self._used = self._next or _Turn(self.kept_s, False, self._comparison)
+        self._used = self._next or _Turn(self.settle_in_use_s, False, self._comparison)
         is_trial = not self._used.is_trial and self._rests == 0
-        seconds = self._trial_s if is_trial else self.kept_s
+        seconds = self._trial_s if is_trial else self.settle_in_use_s
         self._next = _Turn(seconds, is_trial, self._comparison)
 
-    def lost(self) -> None:
-        """Forget the leap under way, because its frame will not come or belongs to no leap."""
+    def forget_leap(self) -> None:
+        """Forget the leap under way, because no frame will belong to it."""
         self._used = None
 
     def forget_star_widths(self) -> None:
@@ -115,7 +114,7 @@ class SettleTrials:
         self._widths = {False: [], True: []}
         self._comparison += 1
 
-    def seen(self, width_px: float | None) -> str | None:
+    def add_star_width(self, width_px: float | None) -> str | None:
         """Add the width of the stars in a leap's frame, px; None: too wide to be measured.
 
         Returns words for the log where the settling time in use changes, else None.
@@ -143,7 +142,7 @@ class SettleTrials:
         ratio = trial / kept if is_clear else (0.0 if math.isfinite(trial) else 1.0)
         error = self._error_of_ratio()
         self._begin_comparison()
-        before_s, trial_s = self.kept_s, self._trial_s
+        before_s, trial_s = self.settle_in_use_s, self._trial_s
         was_shorter, self._is_shorter = self._is_shorter, not self._is_shorter
         after_s = before_s
         if was_shorter and ratio <= AS_SHARP and is_clear:
@@ -199,7 +198,7 @@ class LeapDurations:
 
     @property
     def wait_s(self) -> float:
-        """Time of waiting for the satellite, with all else that is not listed here, s."""
+        """Rest of the total time, mostly spent waiting for the satellite, s."""
         named_s = self.slew_s + self.settle_s + self.shutter_s + self.open_s + self.readout_s
         return self.total_s - named_s
 
@@ -237,35 +236,35 @@ class LeapTimes:
     def forget_slew(self) -> None:
         """Forget the slew under way, because it no longer belongs to a leap."""
         self._ordered = None
-        self._settle.lost()
+        self._settle.forget_leap()
 
     def ordered(self, travel_deg: tuple[float, float], t_utc_ns: int) -> None:
         """Note a leap's slew: the travel of both axes, deg, and the time of its order, UTC ns."""
         self._ordered = travel_deg, t_utc_ns
 
-    def arrived(self) -> None:
+    def learn_slew_time(self) -> None:
         """Learn how long a leap's slew took; called when the mount has arrived."""
         if self._ordered is None:
-            self._settle.lost()
+            self._settle.forget_leap()
             return
         travel, since_ns = self._ordered
         self._ordered = None
         self._given_last_s = self._given_s()
         if self._config().leap.learns_settle:
-            self._settle.begun()
+            self._settle.begin_next_leap()
         took_s = (self._instrument_controller.arrived_utc_ns - since_ns) / NS
         if took_s > 0.0:  # a hold may have come before the arrival
             self._seen.append(MeasuredSlew(travel_deg=travel, seconds=took_s))
             self._motion = None
 
-    def read_out(self, frame: Frame, opened_utc_ns: int) -> None:
+    def learn_shutter_delay(self, frame: Frame, opened_utc_ns: int) -> None:
         """Learn the shutter's delay from a frame; its exposure was ordered at ``opened_utc_ns``."""
         self._closed_utc_ns = None
-        t_mid_ns = shutter_mid_utc_ns(frame, self._config().exposure)
+        t_mid_ns = mid_exposure_utc_ns(frame, self._config().exposure)
         if t_mid_ns is None or frame.exposure_s is None:
             return
         t_close_ns = self._closed_utc_ns = t_mid_ns + round(frame.exposure_s / 2.0 * NS)
-        shutter = shutter_time(frame, self._config().exposure)
+        shutter = frame_timing(frame, self._config().exposure)
         rows_s = abs(shutter.line_time_us) * 1e-6 * frame.height_px
         latency_s = (t_close_ns - opened_utc_ns) / NS - frame.exposure_s
         self._latencies_s.append(latency_s)
@@ -277,7 +276,7 @@ class LeapTimes:
         if took_s is not None:
             self._readouts_s.append(took_s)
 
-    def forget_camera(self) -> None:
+    def forget_camera_times(self) -> None:
         """Forget the camera's times, because its clock was set or its read-out mode has changed."""
         self._readouts_s.clear()
         self._whole_s.clear()
@@ -318,9 +317,9 @@ class LeapTimes:
 
         Returns words for the log where another settling time is used from now on, else None.
         """
-        return self._settle.seen(width_px) if self._config().leap.learns_settle else None
+        return self._settle.add_star_width(width_px) if self._config().leap.learns_settle else None
 
-    def closed_after_s(self, exposure_s: float, scatter_s: float = 0.0) -> float | None:
+    def shutter_closed_after_s(self, exposure_s: float, scatter_s: float = 0.0) -> float | None:
         """Return the time from the order of an exposure until its shutter has surely closed, s.
 
         ``scatter_s``: scatter of the shutter's delay as streaks show it, s; frame headers show
@@ -358,7 +357,7 @@ class LeapTimes:
     def _given_s(self) -> float:
         """Time for the mount to settle before the next exposure, s."""
         config = self._config()
-        return self._settle.seconds if config.leap.learns_settle else config.mount.settle_s
+        return self._settle.next_settle_s if config.leap.learns_settle else config.mount.settle_s
 
     def _opens_s(self) -> float:
         """Least time from the order of an exposure until the shutter opens, s."""
@@ -367,9 +366,9 @@ class LeapTimes:
             return 0.0
         return min(max(latency[0], 0.0), self._config().exposure.start_latency_s)
 
-    def terms(self, binning: int) -> LeapTerms:
-        """Return the times that a leap needs beside its slew, as learned so far, at a binning."""
-        terms = replace(terms_of(self._config(), binning), settle_s=self.settle_s())
+    def terms(self, binning: int) -> LeapParameters:
+        """Return a leap's times other than its slew, as learned so far, for a binning."""
+        terms = replace(leap_parameters(self._config(), binning), settle_s=self.settle_s())
         if self._readouts_s:
             terms = replace(terms, readout_s=float(np.median(self._readouts_s)))
         return terms

@@ -1,12 +1,12 @@
 """Exposures between passes: a stare for any low satellite, or where one is expected."""
 
-from rsoconsole.engine.aim.instrument_controller import NS, Plan
+from rsoconsole.engine.aim.instrument_controller import NS, AimPlan
 from rsoconsole.engine.leaps._leap_camera import LeapCamera
 from rsoconsole.engine.leaps._leap_times import LeapTimes
-from rsoconsole.engine.leaps.awaiting import Awaiting
+from rsoconsole.engine.leaps.awaiting import PassFinder
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import LoopControl
-from rsoconsole.pipeline import AwaitedPass, expected_at, exposure_for, open_shutter_share
+from rsoconsole.pipeline import AwaitedPass, expected_position, leap_exposure_s, open_shutter_share
 from rsoconsole.sky import (
     Pose,
     hour_angle_icrs_deg,
@@ -33,7 +33,7 @@ class Staring:
         parts: Parts,
         times: LeapTimes,
         camera: LeapCamera,
-        awaiting: Awaiting,
+        awaiting: PassFinder,
     ) -> None:
         self._control = control
         self._parts = parts
@@ -43,11 +43,11 @@ class Staring:
         """Hour angle and declination of date of the stare, deg."""
 
     def forget(self) -> None:
-        """Forget where to stare; the next stare is where the telescope points by then."""
+        """Forget the stare's direction; the next stare begins where the telescope then points."""
         self._stare = None
 
-    def next_plan(self, pose: Pose, now_ns: int) -> Plan:
-        """Plan the next exposure of a stare; the mount moves back where tracking has led it away.
+    def next_plan(self, pose: Pose, now_ns: int) -> AimPlan:
+        """Plan a stare's next exposure, and move the mount back where tracking has moved it.
 
         Raises what ``Slews.order`` raises.
         """
@@ -56,7 +56,7 @@ class Staring:
             return self._waited(awaited, pose, now_ns)
         exposure = self._control.config.exposure
         stare_s = self._control.config.leap.stare_exposure_s
-        self._camera.expose_for(stare_s)
+        self._camera.set_exposure(stare_s)
         here = (pose.ra_icrs_deg, pose.dec_icrs_deg)
         if self._stare is None:
             self._stare = self._where_to_stare(here, now_ns)
@@ -67,17 +67,17 @@ class Staring:
             )
         there = icrs_of_hour_angle(self._site, *self._stare, now_ns)
         if separation_deg(*here, *there) < self._drift_deg():
-            return self.in_place(now_ns)
+            return self.plan_in_place(now_ns)
         plan = self._parts.planner.plan_exposure_at(there, now_ns, "stare", now_ns)
         refused = self._parts.slews.order(plan, t_until_utc_ns=self._parts.planner.end_utc_ns(plan))
         if refused is not None:
             self._parts.session_log.say("warning", f"stares where it stands: {text(refused)}")
             self._stare = self._of_date(here, now_ns)
-            return self.in_place(now_ns)
+            return self.plan_in_place(now_ns)
         self._note_slew(pose, there, now_ns)
         return plan
 
-    def _waited(self, awaited: AwaitedPass, pose: Pose, now_ns: int) -> Plan:
+    def _waited(self, awaited: AwaitedPass, pose: Pose, now_ns: int) -> AimPlan:
         """Plan an exposure in place until shortly before the pass, then one on its path."""
         stare = awaited.stare
         until_ns = stare.from_utc_ns - _GO_THERE_NS
@@ -86,8 +86,8 @@ class Staring:
                 None, min(until_ns, now_ns + _LOOK_NS), "", now_ns
             )
         at_ns = max(now_ns, stare.from_utc_ns)
-        place = expected_at(awaited, self._site, stare.t_through_utc_ns, 0.0)
-        self._camera.expose_for(exposure_for(place, self._times.terms(self._camera.binning)))
+        place = expected_position(awaited, self._site, stare.t_through_utc_ns, 0.0)
+        self._camera.set_exposure(leap_exposure_s(place, self._times.terms(self._camera.binning)))
         there = stare.direction_deg(self._site, at_ns)
         here = (pose.ra_icrs_deg, pose.dec_icrs_deg)
         if separation_deg(*here, *there) < self._drift_deg():
@@ -98,11 +98,11 @@ class Staring:
         if refused is not None:
             self._parts.session_log.say("warning", f"cannot wait where it comes: {text(refused)}")
             self._awaiting.skip_pass()
-            return self.in_place(now_ns)
+            return self.plan_in_place(now_ns)
         self._note_slew(pose, there, now_ns)
         return plan
 
-    def in_place(self, now_ns: int) -> Plan:
+    def plan_in_place(self, now_ns: int) -> AimPlan:
         """Plan one more exposure where the telescope looks, without a slew."""
         return self._parts.planner.plan_exposure_at(None, now_ns, "", now_ns)
 

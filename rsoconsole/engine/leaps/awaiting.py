@@ -1,4 +1,4 @@
-"""The pass that is waited for: of a catalogued object, or of the satellite followed last."""
+"""The expected pass: of a catalogued object, or of the satellite that was followed last."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -15,7 +15,7 @@ from rsoconsole.orbits import (
     ExpectedPass,
     LeapTrack,
     LowOrbit,
-    elements_of,
+    osculating_elements,
     passes_above,
 )
 from rsoconsole.pipeline import (
@@ -25,7 +25,7 @@ from rsoconsole.pipeline import (
     PassOffset,
     PassPlan,
     awaited_pass,
-    errors_of,
+    catalogue_errors,
     next_awaited_pass,
     read_catalogue,
 )
@@ -34,7 +34,7 @@ from rsoconsole.sky import EARTH_RADIUS_KM
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
 
 
-def entry_of(config: Config) -> CatalogueEntry:
+def load_awaited_elements(config: Config) -> CatalogueEntry:
     """Return the newest elements of the object ``leap.pass_norad``.
 
     Raises OrbitError, with a remedy.
@@ -52,20 +52,19 @@ def entry_of(config: Config) -> CatalogueEntry:
 
 
 SEARCHED_NS = NS_PER_DAY
-"""How far ahead passes are searched, ns."""
 
 
 def first_streak_words(
     track: LeapTrack, awaited: AwaitedPass | None, found: PassOffset | None
 ) -> str:
-    """Return a first streak in words: its rate, its sense, and how late the satellite is.
+    """Return words on a satellite's first streak: its rate, its sense, and its delay.
 
     ``awaited``: the expected pass; ``found``: the streak's offset from its prediction; both None
-    where none was expected.
+    where no pass was expected.
     """
-    speed = track.best.streaks[0].speed_arcsec_s
+    speed = track.best_hypothesis.streaks[0].speed_arcsec_s
     if awaited is None or found is None:
-        sure = 100.0 * track.best.probability
+        sure = 100.0 * track.best_hypothesis.probability
         return f"a low satellite, {speed:.0f} arcsec/s: leaps ahead of it (this sense {sure:.0f} %)"
     late = "late" if found.late_s >= 0.0 else "early"
     return (
@@ -75,7 +74,7 @@ def first_streak_words(
 
 
 def awaited_words(awaited: AwaitedPass) -> str:
-    """Return the pass that is waited for in words."""
+    """Return words on the expected pass: the object, and when it comes."""
     stare = awaited.stare
     either_s = (stare.until_utc_ns - stare.from_utc_ns) / 2 / NS_PER_S
     return (
@@ -85,8 +84,8 @@ def awaited_words(awaited: AwaitedPass) -> str:
 
 
 def successful_leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None) -> str:
-    """Return a leap that met its satellite in words: its number, its streak and the orbit's fit."""
-    best, number = track.best, len(track.best.streaks) - 1
+    """Return words on a leap that met its satellite: number, streak and fit of the orbit."""
+    best, number = track.best_hypothesis, len(track.best_hypothesis.streaks) - 1
     words = f"leap {number} met: {seen.detection.length_px:.0f} px"
     if leap is not None:
         slew = f"slew {leap.slew_s:.1f} s"
@@ -99,7 +98,7 @@ def successful_leap_words(track: LeapTrack, seen: FrameStreak, leap: Leap | None
 
 
 def pass_words(plan: PassPlan) -> str:
-    """Return the plan of a pass, made before its first leap, in words."""
+    """Return words on the plan of a pass, as made before its first leap."""
     return f"up to {len(plan.leaps)} leaps{_flips_words(plan)}; then: {_end_words(plan)}"
 
 
@@ -119,16 +118,17 @@ def _end_words(plan: PassPlan) -> str:
 
 
 def _flips_words(plan: PassPlan) -> str:
-    if not plan.flips:
+    if not plan.flip_count:
         return ""
-    return f", {plan.flips} of them over the pier ({plan.longest_gap_s:.0f} s)"
+    return f", {plan.flip_count} of them over the pier ({plan.longest_gap_s:.0f} s)"
 
 
 def pass_summary_words(track: LeapTrack, parts: Sequence[LeapDurations]) -> str:
-    """Return a finished pass in words: its streaks, and the median durations of its leaps."""
-    streaks = track.best.streaks
+    """Return words on a finished pass: its streaks, and the median durations of its leaps."""
+    streaks = track.best_hypothesis.streaks
     span_s = (streaks[-1].t_mid_utc_ns - streaks[0].t_mid_utc_ns) / NS_PER_S
-    words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {track.best.scatter_s:.2f} s"
+    scatter_s = track.best_hypothesis.scatter_s
+    words = f"{len(streaks)} streaks in {span_s:.0f} s, shutter ± {scatter_s:.2f} s"
     if not parts:
         return words
 
@@ -156,7 +156,7 @@ def next_pass_of(
 
 def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
     """Yield lines on an orbit and its next pass, with their uncertainties."""
-    found = elements_of(orbit.r_km, orbit.v_km_s)
+    found = osculating_elements(orbit.r_km, orbit.v_km_s)
     yield (
         f"its orbit: {found.a_km - EARTH_RADIUS_KM:.0f} km, e {found.e:.4f},"
         f" i {found.i_deg:.2f} deg{', taken to be nearly round' if orbit.believes_round else ''}"
@@ -172,7 +172,7 @@ def orbit_words(orbit: LowOrbit, later: ExpectedPass | None) -> Iterator[str]:
 _LOOKS_AGAIN_NS = 3600 * NS
 
 
-class Awaiting:
+class PassFinder:
     """Finds the next pass to wait for, by elements or by the last satellite's own orbit."""
 
     def __init__(self, control: LoopControl, parts: Parts) -> None:
@@ -183,19 +183,18 @@ class Awaiting:
         """The pass that is waited for; None: any satellite will do."""
         self._entry: CatalogueEntry | None = None
         self._last_orbit: LowOrbit | None = None
-        """Orbit of the satellite that was last followed by leaps."""
         self._looked_until_ns = 0
         """Time until which no further search is made, as no pass was found, UTC ns."""
         self._from_ns = 0
         """Time before which all passes are over, UTC ns."""
 
-    def forget(self) -> None:
-        """Forget the pass that is waited for, so that ``next_pass`` searches again."""
+    def forget_pass(self) -> None:
+        """Forget the expected pass, so that ``next_pass`` searches again."""
         self.awaited, self._looked_until_ns = None, 0
 
     def forget_elements(self) -> None:
-        """Forget the elements, because another satellite is to be waited for."""
-        self.forget()
+        """Forget the elements, because another satellite is expected now."""
+        self.forget_pass()
         self._entry, self._from_ns = None, 0
 
     def forget_orbit(self) -> None:
@@ -207,15 +206,15 @@ class Awaiting:
         if self.awaited is not None:
             self._from_ns, self.awaited = self.awaited.set_utc_ns, None
 
-    def over(self, orbit: LowOrbit | None) -> None:
-        """Note that a pass is over; ``orbit``: the orbit found from it, None without one."""
-        self.forget()
+    def note_pass_over(self, orbit: LowOrbit | None) -> None:
+        """Note that a pass has ended; ``orbit``: the orbit found from it, None without one."""
+        self.forget_pass()
         self._last_orbit = orbit
 
     def next_pass(self, now_ns: int) -> AwaitedPass | None:
-        """Return the pass to wait for, searched for where the last is over.
+        """Return the pass to wait for; a new one is searched for where the last is over.
 
-        None where none is configured or found: then any satellite will do.
+        None where no pass is configured or found: then the telescope waits for any satellite.
         """
         awaited, leap = self.awaited, self._control.config.leap
         if awaited is not None and now_ns > awaited.stare.until_utc_ns:
@@ -244,7 +243,7 @@ class Awaiting:
         lifted = self._parts.watch.lifted_limits()
         if config.leap.pass_norad:
             if self._entry is None:
-                self._entry = entry_of(config)
+                self._entry = load_awaited_elements(config)
             sigma_s = config.leap.late_sigma_s
             return next_awaited_pass(
                 self._entry,
@@ -254,7 +253,7 @@ class Awaiting:
                 held=held,
                 late_sigma_s=sigma_s,
                 lifted=lifted,
-                errors=errors_of(config.catalogue),
+                errors=catalogue_errors(config.catalogue),
             )
         orbit = self._last_orbit
         if orbit is None:

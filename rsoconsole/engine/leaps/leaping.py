@@ -13,18 +13,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.instrument_controller import NS, Plan
+from rsoconsole.engine.aim.instrument_controller import NS, AimPlan
 from rsoconsole.engine.leaps._leap_camera import LeapCamera
 from rsoconsole.engine.leaps._leap_log import LeapLog
 from rsoconsole.engine.leaps._leap_times import LeapTimes
 from rsoconsole.engine.leaps._staring import Staring
-from rsoconsole.engine.leaps.awaiting import Awaiting, first_streak_words, successful_leap_words
+from rsoconsole.engine.leaps.awaiting import PassFinder, first_streak_words, successful_leap_words
 from rsoconsole.engine.operator.by_hand import Parts
 from rsoconsole.engine.operator.handlers import LoopControl
 from rsoconsole.instruments import MountReport
 from rsoconsole.orbits import (
     LeapTrack,
-    Timing,
+    TimingErrors,
     begin_leap_track,
     leap_track_after_miss,
     update_leap_track,
@@ -36,12 +36,12 @@ from rsoconsole.pipeline import (
     NoLeap,
     Reduction,
     Telescope,
-    is_dark,
+    frame_streaks,
+    is_in_earth_shadow,
     measured_pass_offset,
+    mid_exposure_utc_ns,
     next_leap,
-    shutter_mid_utc_ns,
-    streaks_of,
-    timing_of,
+    timing_uncertainty,
 )
 from rsoconsole.records import Frame, LeapOrder, LeapResult, SlewRefusal, Solution
 from rsoconsole.sky import Pose
@@ -73,21 +73,18 @@ class Leaping:
         self.track: LeapTrack | None = None
         """Track of the satellite that is followed; None while staring."""
         self._leap: Leap | None = None
-        """The leap under way."""
         self._misses = 0
         self._next: Leap | None = None
         """The next leap, found while the shutter is open, to be ordered when it closes."""
         self._order_by: LeapOrder = "by the frame"
-        """Trigger of the order of the leap under way."""
-        self._early: tuple[Plan, Leap, LeapOrder] | None = None
+        self._early: tuple[AimPlan, Leap, LeapOrder] | None = None
         """Plan, leap and trigger of the next leap, where its slew is ordered already."""
-        self._stage_ms: dict[str, float] = {}
-        """Times of the look at the last frame's middle and of the order by it, ms."""
+        self._stage_ms: dict[str, float] = {}  # of the look at the last frame's middle, the order
         self._exposing = (0, 0)
         """Number of the frame under way, and the time of its order, UTC ns."""
         self.times = LeapTimes(lambda: control.config, parts.instrument_controller, parts.watch)
         self._camera = LeapCamera(control, parts)
-        self._awaiting = Awaiting(control, parts)
+        self._awaiting = PassFinder(control, parts)
         self._staring = Staring(control, parts, self.times, self._camera, self._awaiting)
         self._log = LeapLog(control, parts, self.times)
 
@@ -97,29 +94,29 @@ class Leaping:
         return self._control.config.leap.enabled
 
     def forget(self, why: str = "autonomy has lost the mount") -> None:
-        """End the leaps, with a reason for the record; later stares begin where the mount is."""
+        """End the leaps, with the reason ``why``; stares then begin where the mount points."""
         if self.track is not None:
             self._log.record_interrupted_pass(self.track, why)
         self.track = self._leap = None
-        self.drop_early()
+        self.forget_next_leap()
         self.times.forget_slew()
         self._staring.forget()
-        self._awaiting.forget()
+        self._awaiting.forget_pass()
         self._misses = 0
-        self._camera.give_back()
+        self._camera.restore_settings()
 
     def forget_times(self) -> None:
         """End the leaps and forget all learned times of the camera, because the clock was set."""
         self.forget("the clock was set")
-        self.times.forget_camera()
+        self.times.forget_camera_times()
         self._awaiting.forget_orbit()
 
-    def drop_early(self) -> None:
+    def forget_next_leap(self) -> None:
         """Forget the next leap, found or ordered before the frame was measured."""
         self._next = self._early = None
 
     def configure(self, before: Config) -> None:
-        """Note new settings; where leaps were switched off, end them."""
+        """Note that settings have changed from ``before``; end the leaps where switched off."""
         after = self._control.config
         if before.leap.pass_norad != after.leap.pass_norad:
             self._awaiting.forget_elements()
@@ -141,7 +138,7 @@ class Leaping:
         if leap is None or track is None or not self._is_sure(track):
             return
         exposure_s = self._control.config.exposure.exposure_s
-        closed_s = self.times.closed_after_s(exposure_s, track.best.scatter_s)
+        closed_s = self.times.shutter_closed_after_s(exposure_s, track.best_hypothesis.scatter_s)
         if closed_s is None:
             return
         t_close_ns = opened_utc_ns + round(closed_s * NS)
@@ -165,17 +162,17 @@ class Leaping:
         looked = self._parts.instrument_controller.mount_report()
         return looked if self._order_early(found, waited_for_frame=False) else None
 
-    def read_out(self, frame: Frame) -> None:
+    def order_leap_after_readout(self, frame: Frame) -> None:
         """Learn a frame's times, and order the next slew if its middle already shows the streak.
 
         Raises what ``Slews.order`` raises.
         """
-        self.times.read_out(frame, self._exposing[1])
+        self.times.learn_shutter_delay(frame, self._exposing[1])
         leap, track = self._leap, self.track
         if self._early is not None or leap is None or track is None or not self._may_order():
             return
         began_s = time.perf_counter()
-        reach_px = leap.reach_px(self.telescope().terms)
+        reach_px = leap.streak_reach_px(self.telescope().terms)
         seen = None if self._misses else self._look_at(frame, reach_px)
         self._stage_ms["glance"] = (time.perf_counter() - began_s) * 1e3
         if seen is None:
@@ -186,7 +183,7 @@ class Leaping:
             )
         began_s = time.perf_counter()
         exposure = self._control.config.exposure
-        for each in streaks_of(seen.detections, seen.solution, frame, exposure):
+        for each in frame_streaks(seen.detections, seen.solution, frame, exposure):
             after = update_leap_track(track, each.ends) if each.ends.is_whole else None
             now_ns = self._parts.instrument_controller.now_utc_ns()
             pose = self._parts.planner.pose(now_ns)
@@ -206,7 +203,7 @@ class Leaping:
         return self._control.config.leap.at_close and self._is_known(track)
 
     def _is_known(self, track: LeapTrack) -> bool:
-        best = track.best
+        best = track.best_hypothesis
         return (
             self._misses == 0
             and best.orbit is not None
@@ -220,7 +217,7 @@ class Leaping:
     def _order_early(self, found: Leap, *, waited_for_frame: bool) -> bool:
         now_ns = self._parts.instrument_controller.now_utc_ns()
         pose = self._parts.planner.pose(now_ns)
-        if pose is None or not isinstance(plan := self._order(found, pose, now_ns), Plan):
+        if pose is None or not isinstance(plan := self._order(found, pose, now_ns), AimPlan):
             return False  # the whole frame says how it goes on
         if waited_for_frame:
             self.times.learn_processing_time(now_ns)
@@ -232,7 +229,7 @@ class Leaping:
     # --- what a frame shows
 
     def follow_frame(self, frame: Frame, reduction: Reduction) -> None:
-        """Follow the satellite in one more frame, or begin a track with a streak of the frame."""
+        """Update the satellite's track with a frame, or begin one with a streak of the frame."""
         if not self.is_on:
             return
         leap, self._leap = self._leap, None
@@ -244,9 +241,9 @@ class Leaping:
                 self._miss("the frame is not solved")
             return
         exposure = self._control.config.exposure
-        found = streaks_of(reduction.detections, solution, frame, exposure)
+        found = frame_streaks(reduction.detections, solution, frame, exposure)
         if self.track is None:
-            first = self._first_of(found, timing_of(frame, exposure))
+            first = self._first_of(found, timing_uncertainty(frame, exposure))
             if first is not None:
                 self._begin(first, frame.frame_id)
             return
@@ -258,12 +255,13 @@ class Leaping:
                 self._parts.session_log.say("info", successful_leap_words(after, each, leap))
                 return
         self._note_leap(leap, "another streak" if found else "not in the frame")
-        if self._begins_again(found, timing_of(frame, exposure), frame.frame_id):
+        if self._begins_again(found, timing_uncertainty(frame, exposure), frame.frame_id):
             return
-        centre, orbit = (solution.ra_icrs_deg, solution.dec_icrs_deg), self.track.best.orbit
-        t_mid_ns = shutter_mid_utc_ns(frame, exposure)
+        centre = solution.ra_icrs_deg, solution.dec_icrs_deg
+        orbit = self.track.best_hypothesis.orbit
+        t_mid_ns = mid_exposure_utc_ns(frame, exposure)
         if t_mid_ns is not None:
-            if orbit is not None and is_dark(orbit, t_mid_ns):
+            if orbit is not None and is_in_earth_shadow(orbit, t_mid_ns):
                 self._end("it has gone into the Earth's shadow")
                 return
             half_deg = min(self._control.config.optics.field_deg) / 2.0 * self._camera.share
@@ -294,13 +292,13 @@ class Leaping:
             )
 
     def _first_of(
-        self, found: tuple[FrameStreak, ...], timing: Timing
+        self, found: tuple[FrameStreak, ...], timing: TimingErrors
     ) -> tuple[LeapTrack, str, str] | None:
         """Return a track that begins with one of these streaks, its name and words for the log."""
         config = self._control.config
         for each in found:
             ends = each.ends
-            if not each.may_begin or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
+            if not each.may_begin_track or ends.speed_arcsec_s < config.leap.least_rate_arcsec_s:
                 continue
             awaited = self._awaiting.awaited
             known = None if awaited is None else measured_pass_offset(awaited, self._site, ends)
@@ -321,29 +319,31 @@ class Leaping:
         self._log.begin(frame_id, name)
         self._parts.session_log.say("info", words)
 
-    def _begins_again(self, found: tuple[FrameStreak, ...], timing: Timing, frame_id: int) -> bool:
+    def _begins_again(
+        self, found: tuple[FrameStreak, ...], timing: TimingErrors, frame_id: int
+    ) -> bool:
         """Begin again with a later streak that contradicts a track of a single one.
 
         The first streak of a satellite that flashes or fades may have shown only a part.
         """
-        if self.track is None or self.track.best.orbit is not None:
+        if self.track is None or self.track.best_hypothesis.orbit is not None:
             return False
         first = self._first_of(found, timing)
         if first is None:
             return False
-        self._log.record()
+        self._log.record_last_leap()
         self._log.record_interrupted_pass(self.track, "its next streak says otherwise")
         self._begin(first, frame_id)
         return True
 
-    def record(self) -> None:
+    def record_last_leap(self) -> None:
         """Record the last leap and log the plan of the pass; called while no frame has to wait."""
-        self._log.record()
+        self._log.record_last_leap()
         if self.track is None or self._leap is None:
             return
         start = self._parts.planner.pose(self._leap.t_order_utc_ns)
         if start is not None:
-            self._log.plan(self.track, self._leap, start, self.telescope(), SURE_STREAKS)
+            self._log.log_pass_plan(self.track, self._leap, start, self.telescope(), SURE_STREAKS)
 
     def _miss(self, why: str) -> None:
         self._misses += 1
@@ -357,12 +357,12 @@ class Leaping:
         track, self.track, self._misses = self.track, None, 0
         if track is None:
             return
-        self._awaiting.over(track.best.orbit)
+        self._awaiting.note_pass_over(track.best_hypothesis.orbit)
         self._log.end(track, why)
 
     # --- where the next one is
 
-    def order_next(self, *, is_held: bool) -> Plan:
+    def order_next(self, *, is_held: bool) -> AimPlan:
         """Plan the next exposure and order its slew; the mount is on its way when this returns.
 
         Raises what ``Slews.order`` raises.
@@ -382,19 +382,19 @@ class Leaping:
             self.times.forget_readouts()
         self._leap = leap and replace(leap, share=self._camera.share)
 
-    def _next_plan(self, *, is_held: bool) -> Plan:
+    def _next_plan(self, *, is_held: bool) -> AimPlan:
         now_ns = self._parts.instrument_controller.now_utc_ns()
         early, self._early = self._early, None
         pose = self._parts.planner.pose(now_ns)
         if is_held or pose is None:
             self._leap = None
-            return self._staring.in_place(now_ns)
+            return self._staring.plan_in_place(now_ns)
         if self._camera.begin():
-            self.times.forget_camera()
+            self.times.forget_camera_times()
         if early is not None:
             # Also where that is over by this frame: a mount on its way arrives first.
             plan, leap, self._order_by = early
-            self._camera.expose_for(leap.exposure_s)
+            self._camera.set_exposure(leap.exposure_s)
             self._leap = None if self.track is None else leap
             return plan
         if self.track is not None:
@@ -404,7 +404,7 @@ class Leaping:
         self._leap = None
         return self._staring.next_plan(pose, now_ns)
 
-    def _leap_from(self, track: LeapTrack, pose: Pose, now_ns: int) -> Plan | None:
+    def _leap_from(self, track: LeapTrack, pose: Pose, now_ns: int) -> AimPlan | None:
         """Order the next leap and return its plan; None where there is none any more."""
         found = self._likeliest_leap(track, pose, now_ns)
         if isinstance(found, NoLeap):
@@ -412,14 +412,14 @@ class Leaping:
             self._end(words)
             return None
         ordered = self._order(found, pose, now_ns)
-        if not isinstance(ordered, Plan):
+        if not isinstance(ordered, AimPlan):
             self._end(text(ordered))
             return None
-        self._camera.expose_for(found.exposure_s)
+        self._camera.set_exposure(found.exposure_s)
         self._leap, self._order_by = found, "by the frame"
         return ordered
 
-    def _order(self, found: Leap, pose: Pose, now_ns: int) -> Plan | SlewRefusal:
+    def _order(self, found: Leap, pose: Pose, now_ns: int) -> AimPlan | SlewRefusal:
         """Order a leap's slew; return its plan or the refusal. Raises what ``Slews.order`` does."""
         direction = found.place.direction_deg
         plan = self._parts.planner.plan_exposure_at(
@@ -440,7 +440,7 @@ class Leaping:
         """Return the leap for the likeliest sense that can be met; else the reason against."""
         why: NoLeap | None = None
         for number in range(len(track.hypotheses)):
-            path = track.path(now_ns, _AHEAD_S, number, step_s=_STEP_S)
+            path = track.predicted_path(now_ns, _AHEAD_S, number, step_s=_STEP_S)
             found: Leap | NoLeap = NoLeap(kind="it sets")
             if path is not None:
                 found = next_leap(path, pose, now_ns, self.telescope())

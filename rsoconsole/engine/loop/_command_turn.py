@@ -22,7 +22,7 @@ from rsoconsole.engine.tasks.command_queue import (
     CommandQueue,
     action_record,
     alarm_words,
-    dropped_by,
+    cancelled_result,
 )
 from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.session_log import SessionLog
@@ -55,13 +55,13 @@ class CommandTurn:
         self._handlers, self._on_executed = handlers, on_executed
 
     def execute_waiting(self) -> None:
-        """Execute the waiting commands in their order; every one gets its outcome on record."""
+        """Execute the waiting commands in their order, and record each one's result."""
         requests = self._queue.take_all()
         for number, request in enumerate(requests):
             outcome = DONE
             request.course.is_begun = True
             try:
-                with self._queue.executing():
+                with self._queue.while_executing():
                     handler = self._handlers[type(request.command)]
                     outcome = handler.execute(request.command, request.by)
             except (ValueError, InstrumentError, StoppedElsewhere) as error:
@@ -76,7 +76,7 @@ class CommandTurn:
                 self._put_back(requests[number + 1 :])
                 raise
             self._settle(request, outcome)
-        self._queue.finished()
+        self._queue.mark_finished()
         if requests:
             self._on_executed()
 
@@ -107,7 +107,7 @@ class CommandTurn:
         again = self._instrument_controller.instruments.mount.abort()
         for alarm in alarms:
             for request in alarm.dropped:
-                self._session_log.append(action_record(request, dropped_by(alarm.trigger)))
+                self._session_log.append(action_record(request, cancelled_result(alarm.trigger)))
             self._heed(alarm, again.is_answered)
 
     def _heed(self, alarm: Alarm, is_stopped_again: bool) -> None:

@@ -1,9 +1,9 @@
-"""One frame of the loop: exposed, reduced, followed, and recorded once the mount is sent on."""
+"""One frame of the loop: expose, reduce, follow, order the next slew, then record."""
 
 import time
 from collections.abc import Callable
 
-from rsoconsole.engine.aim.instrument_controller import POLL_NS, Plan
+from rsoconsole.engine.aim.instrument_controller import POLL_NS, AimPlan
 from rsoconsole.engine.aim.states import Followed, NotPointing, Resumed
 from rsoconsole.engine.leaps.leaping import LEAP_POLL_NS, Leaping
 from rsoconsole.engine.operator.arming import pointing_check
@@ -13,7 +13,7 @@ from rsoconsole.engine.tasks.exposures import Exposures
 from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
 from rsoconsole.engine.tasks.pace import Pace, TemporarySettings
-from rsoconsole.engine.tasks.preview import PlacesOfInterest
+from rsoconsole.engine.tasks.preview import CloseupPlaces
 from rsoconsole.pipeline import Cycle, Orbits, Reduction
 from rsoconsole.records import CycleTiming, Frame, SlewRefusal, Solution, TrackState
 from rsoconsole.tracking.filters import estimator
@@ -45,19 +45,17 @@ class FrameTurn:
         self._exposures, self._cycle, self._orbits = exposures, cycle, orbits
         self._leaping, self._by_hand, self._faults = leaping, by_hand, faults
         self._forgive, self._on_cycle = forgive, on_cycle
-        self._plan: Plan | None = None
+        self._plan: AimPlan | None = None
         self._is_first_look = False
         self._must_check_pointing = True
         self.clear_frames = 0
         """Number of frames in a row, up to the last one, in which stars were seen."""
         self.last_track: TrackState | None = None
-        """The last lead track of this night."""
         self.ahead: AimAhead | None = None
         """Where the telescope looks in the exposure after the next one."""
         self._pace = Pace()
-        self.temporary = TemporarySettings(self._pace.of_night)
-        """Settings that were changed for a number of frames only."""
-        self._places = PlacesOfInterest()
+        self.temporary = TemporarySettings(self._pace.config_before_track)
+        self._places = CloseupPlaces()
 
     def begin_search(self, *, checks_pointing: bool) -> None:
         """Start a search; the next exposure is taken where the telescope points.
@@ -79,43 +77,45 @@ class FrameTurn:
         self._is_first_look = False
         self._parts.slews.forget()
         self._leaping.forget()
-        self.set_pace(None)
+        self.set_exposure_and_cadence(None)
 
     def look_ahead(self) -> None:
         """Compute where the exposure after the next one looks, before the mount goes there."""
         ahead = None
         if self._control.authority.is_autonomous:
             now_ns = self._parts.instrument_controller.now_utc_ns()
-            ahead = self._parts.planner.ahead(self._control.following, self._plan, now_ns)
+            ahead = self._parts.planner.aim_after_plan(self._control.following, self._plan, now_ns)
         self.ahead = aim_ahead(ahead, self._control.following, self._control.config)
 
     def one_exposure(self) -> None:
-        """Wait for the mount, expose, reduce, follow, send the mount on; then record the frame."""
+        """Run one frame: expose, reduce, follow, order the next slew, then record."""
         plan = self._plan or self._order_next()
         self._plan = None
         poll_ns, settle_s = POLL_NS, None
         if self._leaping.is_on:
             poll_ns, settle_s = LEAP_POLL_NS, self._leaping.times.settle_s()
         is_held = self._control.authority.is_held
-        if self._parts.slews.finish(plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s):
+        if self._parts.slews.wait_for_slew(
+            plan, is_held=is_held, poll_ns=poll_ns, settle_s=settle_s
+        ):
             self._cycle.forget_plate()
-        self._leaping.times.arrived()
+        self._leaping.times.learn_slew_time()
         place_px: tuple[float, float] | None = None
         frame: Frame | None = None
         try:
             frame, read_ms = self._exposures.take(plan)
-            self._exposures.pass_readout_time(frame)
-            self._leaping.read_out(frame)
-            self._exposures.pass_processing_time()
+            self._exposures.simulate_readout_time(frame)
+            self._leaping.order_leap_after_readout(frame)
+            self._exposures.simulate_processing_time()
             reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
             place_px = self._places.of(frame, reduction, self._control.following)
         finally:
-            self._leaping.drop_early()
+            self._leaping.forget_next_leap()
             # Also the frame that could not be used: it is the one somebody will want to see.
             if frame is not None:
                 self._exposures.keep(frame, self._control.following.state, place_px)
 
-    def _order_next(self) -> Plan:
+    def _order_next(self) -> AimPlan:
         """Plan the next exposure and order its slew; the mount is on its way when this returns."""
         if self._is_first_look:
             return self._parts.planner.plan_exposure_here(
@@ -128,7 +128,7 @@ class FrameTurn:
         )
 
     def one_look(self) -> None:
-        """Take an exposure while the operator has control: recorded, measured, not followed."""
+        """Run one frame without autonomy: measure and record it, and follow nothing."""
         if self._by_hand.move is not None:
             report = self._parts.instrument_controller.wait_for_arrival(*self._by_hand.move.command)
             self._by_hand.move = None
@@ -139,9 +139,9 @@ class FrameTurn:
         )
         place_px: tuple[float, float] | None = None
         try:
-            self._exposures.pass_readout_time(frame)
-            self._exposures.pass_processing_time()
-            reduction, records = self._cycle.look(frame)
+            self._exposures.simulate_readout_time(frame)
+            self._exposures.simulate_processing_time()
+            reduction, records = self._cycle.reduce_only(frame)
             place_px = self._places.of(frame, reduction, self._control.following)
             if isinstance(reduction.solution, Solution):
                 self._parts.planner.note_solution(reduction.solution)
@@ -158,7 +158,7 @@ class FrameTurn:
         if changes:
             self._control.configure(config)
         if not self._leaping.is_on:
-            self.set_pace(self._control.following.track)
+            self.set_exposure_and_cadence(self._control.following.track)
         if self._control.following.track is not None:
             self.last_track = self._control.following.track
         is_cloudy = self._cycle.cloud is not None
@@ -167,8 +167,8 @@ class FrameTurn:
             self._parts.session_log.say("info", "the stars are back: slews again")
             self._control.handle(Resumed(by="the sky"))
 
-    def set_pace(self, track: TrackState | None) -> None:
-        """Set exposure and cadence for the lead track; without a track, restore the night's own."""
+    def set_exposure_and_cadence(self, track: TrackState | None) -> None:
+        """Set exposure and cadence for a track's rate; None: restore those of the night."""
         config, changes = self._pace.after(self._control.config, track)
         self._parts.session_log.append_all(changes)
         if changes:
@@ -185,7 +185,7 @@ class FrameTurn:
         self._control.handle(Followed(after=result.after))
         if isinstance(result.reduction.solution, Solution):
             self._parts.planner.note_solution(result.reduction.solution)
-        self._parts.planner.followed(
+        self._parts.planner.update_search(
             before, result.after, self._parts.instrument_controller.now_utc_ns()
         )
         self._count_frame()
@@ -207,10 +207,10 @@ class FrameTurn:
             "total": (ordered_s - began_s) * 1e3 + read_ms,
         }
         # The mount is on its way: nobody waits for this.
-        self._leaping.record()
-        estimator.make_ready(self._control.config.filter)
-        self._parts.session_log.append_all(self._orbits.refine())
-        self._parts.guide.prepare(self._parts.instrument_controller.now_utc_ns())
+        self._leaping.record_last_leap()
+        estimator.preload_modules(self._control.config.filter)
+        self._parts.session_log.append_all(self._orbits.derive_frame_records())
+        self._parts.guide.precompute_path(self._parts.instrument_controller.now_utc_ns())
         self.look_ahead()
         stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
         self._parts.session_log.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))

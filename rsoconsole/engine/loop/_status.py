@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from rsoconsole.control import NextAim, Status, TrackNow, nearest_first
+from rsoconsole.control import NextAim, Status, TrackStatus, sort_by_separation
 from rsoconsole.engine.aim.states import Authority
 from rsoconsole.engine.tasks.field_tracks import kept_name
 from rsoconsole.engine.tasks.watch import Watch
@@ -23,7 +23,7 @@ def status_of(
     slew_left_s: float | None,
     simulated_speed: float | None,
     markable_frames: tuple[int, ...],
-    tracks: tuple[TrackNow, ...],
+    tracks: tuple[TrackStatus, ...],
     next_aim: NextAim | None,
     orbits: Orbits,
 ) -> Status:
@@ -62,7 +62,7 @@ def status_of(
         markable_frames=markable_frames,
         tracks=tracks,
         next_aim=next_aim,
-        pairs=nearest_first(last_pairs),
+        pairs=sort_by_separation(last_pairs),
         unseen=() if expected.last is None else expected.last.unseen,
         uncatalogued=expected.uncatalogued,
         next_limit=None if limit is None else limit[1].limit,

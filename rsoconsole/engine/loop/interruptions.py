@@ -32,7 +32,7 @@ class ClockTrouble:
 
 
 class Interruptions:
-    """Reports clock faults and slews that the lease ended, and checks the mount afterwards."""
+    """Handles clock faults and slews ended by the lease: reports them and checks the mount."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class Interruptions:
     # -- time -----------------------------------------------------------------------------------
 
     def receive(self, fault: ClockFault) -> None:
-        """Act on a fault of this machine's clock; the loop drops its present work."""
+        """Handle a fault of this machine's clock; the caller then drops the loop's present work."""
         match fault.kind:
             case "set" | "leap second":
                 self._clock_set(fault)
@@ -92,7 +92,7 @@ class Interruptions:
             self._control.handle(ClockSet(step_s=fault.seconds))
 
     def camera_set(self, step_s: float) -> None:
-        """Act on a camera clock that was set by ``step_s``: the track's measurements end there."""
+        """Handle a camera clock that was set by ``step_s``, which ends the track."""
         self._forget()  # what is known of the camera's clock is of the new time already
         self._note(f"camera's set by {step_s:+.1f} s")
         self._say(
@@ -169,9 +169,9 @@ class Interruptions:
         self._go_on_from(report)
 
     def goes_on_after(self) -> bool:
-        """True where the mount is not where it was sent because its own process ended the slew.
+        """Return True where the lease has ended the slew, which is then reported.
 
-        That is then reported, and autonomy goes on from where the mount stands.
+        The loop then goes on from where the mount stands. False where the lease ended no slew.
         """
         if not self._say_slew_end():
             return False

@@ -1,4 +1,4 @@
-"""The loop: plan, slew, expose, reduce, follow, record; again. Decisions are made elsewhere."""
+"""The loop: plan, slew, expose, reduce, follow, record; its decisions are made elsewhere."""
 
 import contextlib
 import logging
@@ -73,7 +73,7 @@ class _RunFailed(Exception):  # noqa: N818 -- carried from the loop to its own e
 
 
 class Engine:
-    """Holds the state between cycles; every decision in it is made by a pure function."""
+    """Runs the loop and holds its state between cycles; pure functions make its decisions."""
 
     def __init__(
         self,
@@ -184,31 +184,31 @@ class Engine:
 
     @property
     def frame_id(self) -> int:
-        """The exposure begun last."""
+        """Number of the last exposure that was begun."""
         return self._exposures.frame_id
 
     @property
     def following(self) -> Following:
-        """What is followed."""
+        """The followed tracks, and the state of the fold over frames."""
         return self.authority.following
 
     @property
     def last_track(self) -> TrackState | None:
-        """What was followed last this night."""
+        """The last lead track of this night; None without one."""
         return self.frames.last_track
 
     @property
     def may_move(self) -> bool:
-        """Whether autonomy has the mount and nobody holds it."""
+        """True where autonomy has control and no hold stops its slews."""
         return self.authority.is_autonomous and not self.authority.is_held
 
     @property
     def hand_move(self) -> HandMove | None:
-        """Where the operator has sent the mount, until it is there."""
+        """The move by hand under way; None once it has arrived."""
         return self.by_hand.move
 
     def status(self) -> Status:
-        """A snapshot, from any thread."""
+        """Return the engine's present status; may be called from any thread."""
         clock = self.instrument_controller.instruments.clock
         authority, now_ns = self.authority, self.session_log.last_utc_ns()
         ahead = (
@@ -241,15 +241,15 @@ class Engine:
         return self.planner.slew_left_s(report, *sent)
 
     def wake(self) -> None:
-        """Cut a wait short (any thread)."""
+        """End the loop's present wait; may be called from any thread."""
         self.instrument_controller.instruments.clock.wake()
 
     def arm(self, by: str = "operator", lifted: frozenset[str] = frozenset()) -> None:
-        """Hand the mount to autonomy: search from where the telescope points.
+        """Give control to autonomy: search from where the telescope points.
 
-        A park that is done or under way is ended; a move by hand is waited for. ``lifted``: checks
-        of the arming list that are overridden by name. Raises ValueError when it is armed already,
-        Interrupted when somebody wants the loop meanwhile.
+        A parked mount is released, and a park under way ended; a move by hand is waited for.
+        ``lifted``: names of the arming checks that are overridden. Raises ValueError when armed
+        already, Interrupted when the loop is interrupted meanwhile.
         """
         refusal = step(self.authority, Armed(by=by)).refusal
         if refusal is not None:
@@ -273,11 +273,11 @@ class Engine:
             )
 
     def resume(self, by: str) -> None:
-        """Give the mount back to autonomy, or follow again what was ended.
+        """Give control back to autonomy, or follow an ended track again.
 
-        A move by hand is ended where what was followed is gone back to, else waited for: the
-        search begins where it leads. Raises ValueError where there is nothing to resume, where the
-        mount is parked, and where dome, weather or daylight would take it away again.
+        A move by hand under way is ended where a track is followed again; else it is waited for,
+        and the search begins where it ends. Raises ValueError where there is nothing to resume,
+        where the mount is parked, and where dome, weather or daylight would end autonomy.
         """
         was_autonomous = self.authority.is_autonomous
         report = self.instrument_controller.mount_report()
@@ -295,22 +295,22 @@ class Engine:
             self.planner.moved_by_hand(report)
 
     def expect_night(self) -> None:
-        """Raises ValueError where autonomy would get the mount and it is no night for it."""
+        """Raise ValueError where dome, weather or daylight would end autonomy at once."""
         end = None if self.authority.is_autonomous else self.watch.night_end()
         if end is not None:
             raise ValueError(f"{end.detail}: autonomy gets the mount back when that has passed")
 
     def expect_cloud(self) -> None:
-        """Raises ValueError where the stars are there: a hold until they are back would be none."""
+        """Raise ValueError under a clear sky, where "hold until clear" would end at once."""
         stars = self.cycle.star_count
         if stars is not None and self.frames.clear_frames >= CLEAR_FRAMES:
             raise ValueError(f"no cloud now: {stars} stars; a plain hold lasts until you resume")
 
     def run(self, frames: int | None = None) -> None:
-        """Work until shutdown, or until ``frames`` exposures have been begun or dawn has come.
+        """Run until shutdown, or until ``frames`` exposures have been begun or dawn has come.
 
         Raises InstrumentError when a run of ``frames`` cannot be finished, or when a simulated
-        observatory is gone: no time passes without it.
+        observatory has gone, without which no time passes.
         """
         with self.watch.running():
             while not self._queue.is_shutdown and not self._is_over(frames):
@@ -438,9 +438,9 @@ class Engine:
         return unmeasured_text(result.detail, f"{CUT_POWER} if it does"), True
 
     def handle(self, trigger: Trigger) -> Step:
-        """Pass through one step: do what it asks, and put the change on record.
+        """Pass a trigger through the state machine; perform and record the step, and return it.
 
-        Raises ValueError with the reason where the step refuses.
+        Raises ValueError, with the reason, where the state machine refuses.
         """
         before = self.authority
         result = step(before, trigger)
@@ -513,7 +513,7 @@ class Engine:
             self._gave_up = trigger.words
 
     def configure(self, config: Config) -> None:
-        """Take new tunables; in force from the next cycle."""
+        """Use a new configuration from the next cycle on."""
         before, self.config = self.config, config
         whole = (
             self.instrument_controller,
@@ -534,9 +534,10 @@ class Engine:
         self.leaping.forget_times()
 
     def park(self, by: str) -> None:
-        """Disarm and send the mount to its park position, again and again until it is there.
+        """Disarm and send the mount to its park position, repeating the order until it is there.
 
-        Raises ValueError where its driver has none, InstrumentError where it refuses.
+        Raises ValueError where its driver has no park position, InstrumentError where it
+        refuses.
         """
         with contextlib.suppress(InstrumentError):  # whether a silent mount has one is seen later
             if not self.instrument_controller.instruments.mount.abilities().can_park:
@@ -553,11 +554,11 @@ class Engine:
 
     @property
     def is_park_wanted(self) -> bool:
-        """Whether the mount is to be parked and is not yet."""
+        """True while the mount is to be parked and is not parked yet."""
         return self._parking.is_wanted
 
     def end_park(self) -> None:
-        """Park no more: release a mount that is parked, stop one that is on its way there."""
+        """End parking: release a parked mount, or stop one that is on its way to park."""
         self._parking.forget()
         self.instrument_controller.end_park()
 

@@ -20,8 +20,7 @@ from rsoconsole.control import Machine
 ROOT = Path("/")
 """Folder that holds ``proc`` and ``sys``; tests use another."""
 PI_HOT_C, HOT_C = 80.0, 95.0
-"""Temperatures that count as hot, deg C: a Raspberry Pi slows itself down from 80 on; others bear
-more."""
+"""Temperatures that count as hot, deg C, of a Raspberry Pi and of other machines."""
 TIMEOUT_S = 3.0
 UNDER_VOLTAGE, CAPPED, THROTTLED, SOFT_LIMIT = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 EARLIER = 16
@@ -141,7 +140,7 @@ def run_program(words: Sequence[str]) -> str | None:
     return done.stdout
 
 
-def name_values(text: str | None, mark: str) -> dict[str, str]:
+def parse_name_values(text: str | None, mark: str) -> dict[str, str]:
     """Return names and values of the lines "name``mark``value"; of equal names, the first."""
     found: dict[str, str] = {}
     for line in (text or "").splitlines():
@@ -178,17 +177,17 @@ _kept: list[str] = []
 
 
 def hide_notify_socket() -> None:
-    """Take systemd's notify address out of the environment, and keep it for ``notify``.
+    """Remove systemd's notify address from the environment; keep it for ``notify_systemd``.
 
-    Else systemd's own programs (``timedatectl``), run by the engine, would report their failures as
-    the engine's.
+    Otherwise systemd's programs that the engine runs (``timedatectl``) would report their own
+    failures as the engine's.
     """
     address = os.environ.pop(_VARIABLE, None)
     if address is not None:
         _kept[:] = [address]
 
 
-def notify(state: str) -> bool:
+def notify_systemd(state: str) -> bool:
     """Send a state to systemd: "READY=1", "WATCHDOG=1", "STATUS=..."; True when it was sent.
 
     Never raises and never waits. Without systemd nothing is sent.

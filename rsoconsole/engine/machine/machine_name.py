@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.engine.machine.machine import ROOT, board_model, name_values, text_of
+from rsoconsole.engine.machine.machine import ROOT, board_model, parse_name_values, text_of
 from rsoconsole.vision import available_cores
 
 _ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
@@ -14,7 +14,7 @@ _ARM = {"aarch64", "arm64", "armv7l", "armv8l", "armv6l"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineIdentity:
-    """The machine as it is named beside figures that were measured on it."""
+    """Name, processor and system of the machine on which figures were measured."""
 
     model: str
     """Board's name from the device tree, else the processor's name."""
@@ -40,7 +40,7 @@ class MachineIdentity:
 def machine_identity(root: Path = ROOT, architecture: str | None = None) -> MachineIdentity:
     """Return this machine's identity; tests replace ``root`` and ``architecture``."""
     kind = platform.machine() if architecture is None else architecture
-    cpu = name_values(text_of(root / "proc/cpuinfo"), ":")
+    cpu = parse_name_values(text_of(root / "proc/cpuinfo"), ":")
     board = board_model(root)
     return MachineIdentity(
         model=board or cpu.get("Model") or cpu.get("model name") or f"unnamed {kind} processor",
@@ -53,12 +53,12 @@ def machine_identity(root: Path = ROOT, architecture: str | None = None) -> Mach
 
 
 def load_share() -> float:
-    """Return the load of the last minute: running and waiting processes, in units of the cores."""
+    """Return the load of the last minute: running and waiting processes per core."""
     return os.getloadavg()[0] / available_cores()
 
 
 def _system(root: Path) -> str:
-    name = name_values(text_of(root / "etc/os-release"), "=").get("PRETTY_NAME")
+    name = parse_name_values(text_of(root / "etc/os-release"), "=").get("PRETTY_NAME")
     return name.strip('"') if name else f"{platform.system()} {platform.release()}"
 
 

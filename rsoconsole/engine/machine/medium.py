@@ -20,7 +20,7 @@ _LIFE_STEP_PERCENT = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Medium:
+class RecordingMedium:
     """The disk that a folder lies on."""
 
     kind: MediumKind
@@ -30,21 +30,21 @@ class Medium:
     """Life used, percent, as an eMMC counts it in steps of ten; 110: beyond what it is made for."""
 
 
-def medium_of(folder: Path, root: Path = ROOT) -> Medium:
-    """Return the disk that a folder lies on, or will once it is made; never raises."""
+def read_recording_medium(folder: Path, root: Path = ROOT) -> RecordingMedium:
+    """Return the disk of a folder that exists or is still to be made; never raises."""
     mount = _mount_of(folder, root)
     if mount is None:
-        return Medium(kind="unknown")
+        return RecordingMedium(kind="unknown")
     number, file_system, source = mount
     if file_system in _MEMORY:
-        return Medium(kind="memory")
+        return RecordingMedium(kind="memory")
     if file_system in _NETWORK:
-        return Medium(kind="network share")
+        return RecordingMedium(kind="network share")
     # A file system of several disks (btrfs) has no number of its own but names one of them.
     for path in (root / "sys/dev/block" / number, root / "sys/class/block" / Path(source).name):
         if path.exists():
             return _disk(path.resolve())
-    return Medium(kind="unknown")
+    return RecordingMedium(kind="unknown")
 
 
 def _mount_of(folder: Path, root: Path) -> tuple[str, str, str] | None:
@@ -63,13 +63,15 @@ def _mount_of(folder: Path, root: Path) -> tuple[str, str, str] | None:
     return None if found is None else found[1]
 
 
-def _disk(device: Path) -> Medium:
+def _disk(device: Path) -> RecordingMedium:
     """Return the whole disk behind a partition, or behind what is mapped onto it."""
     below = sorted((device / "slaves").glob("*"))
     if below:
         return _disk(below[0].resolve())
     whole = device.parent if (device / "partition").exists() else device
-    return Medium(kind=_kind(whole), device=whole.name, life_used_percent=_life_used(whole))
+    return RecordingMedium(
+        kind=_kind(whole), device=whole.name, life_used_percent=_life_used(whole)
+    )
 
 
 def _kind(whole: Path) -> MediumKind:
@@ -111,12 +113,11 @@ DISK_REMEDY = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskOutlook:
-    """The disk that the coming night needs, and how many such nights there is room for."""
+    """Disk space that the coming night needs, and the number of such nights that fit."""
 
     bytes_a_night: int
     """Greatest number of bytes of a night: exposures from dusk to dawn, kept as configured."""
     dark_s: float
-    """Length of the coming night, s."""
     nights: float
     warning: str | None
     """Warning with figures and remedy; None while there is room for some nights."""
@@ -160,7 +161,7 @@ def _dark_s(config: Config, now_utc_ns: int, *, from_utc_ns: int) -> float:
 
 
 def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None = None) -> float:
-    """Return the greatest number of bytes that exposures over ``duration_s`` need."""
+    """Return the disk space that exposures over ``duration_s`` need at most, bytes."""
     cadence_s = max(config.exposure.cadence_s, config.exposure.exposure_s)
     if config.session.keep_frames in {"none", "last"}:  # those of the last few weigh little
         kept_bytes = 0.0
@@ -173,7 +174,7 @@ def session_bytes(config: Config, duration_s: float, bytes_a_frame: float | None
 
 
 def disk_words(free_bytes: float, dark_s: float, need_bytes: float) -> str:
-    """Return the free disk and a night's need, in words."""
+    """Return words on the free disk space, and on what a night needs."""
     takes = f"{dark_s / 3600:.1f} h of dark take up to {need_bytes / 1e9:.1f} GB"
     return f"{free_bytes / 1e9:.1f} GB free, {takes}"
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from rsoconsole.engine.machine.machine import ROOT, name_values, run_program, text_of
+from rsoconsole.engine.machine.machine import ROOT, parse_name_values, run_program, text_of
 
 TimeSourceKind = Literal["GPS", "NTP", "none", "unknown"]
 _CLOCKS = re.compile(r"GPS|PPS|NMEA|GNSS|SHM|UBX", re.IGNORECASE)
@@ -51,8 +51,8 @@ def _by_chrony(line: str) -> tuple[TimeSourceKind, str] | None:
 
 def _by_systemd(clock: str | None, service: str | None) -> tuple[TimeSourceKind, str]:
     """Return the source by what ``timedatectl`` reports of the clock and its time service."""
-    pairs = name_values(clock, "=")
-    server = name_values(service, "=").get("ServerName", "")
+    pairs = parse_name_values(clock, "=")
+    server = parse_name_values(service, "=").get("ServerName", "")
     is_set = pairs.get("NTPSynchronized") == "yes"
     if is_set:
         return (

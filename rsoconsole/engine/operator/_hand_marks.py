@@ -1,4 +1,4 @@
-"""A streak that the operator marks by hand: the decision made from it, and the result."""
+"""Streaks that the operator marks by hand: the decision from a mark, and its result."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,6 @@ from rsoconsole.records import (
 from rsoconsole.sky import largest_sigma, separation_deg
 
 MARK_SIGMA_PX = 2.0
-"""Default one sigma of the ends of a mark by hand, px."""
 SHORTEST_MARK_PX = 3.0
 WIDEST_MARK_PX = 10_000.0
 BETTER = 1.5
@@ -30,11 +29,12 @@ SAME_STREAK_ARCSEC = 30.0
 """Distance beyond which an automatic measurement is of something else, if the mark is precise."""
 
 
-def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config: Config) -> Ruling:
-    """Return the decision to follow a streak between two ends that the operator has marked.
+def decision_from_mark(
+    shown: FrameObservations, mark: MarkByHand, by: str, config: Config
+) -> Ruling:
+    """Return the decision to follow a streak, from the two ends that the operator marked.
 
-    Raises ValueError for a frame that was not solved or has no time, and for ends that are not
-    possible.
+    Raises ValueError for a frame without plate solution or time, and for impossible ends.
     """
     x_a, y_a, x_b, y_b = mark.x_a_px, mark.y_a_px, mark.x_b_px, mark.y_b_px
     taken = shown.taken
@@ -52,7 +52,7 @@ def marked_decision(shown: FrameObservations, mark: MarkByHand, by: str, config:
     for sigma_px in (detection.sigma_along_px, detection.sigma_across_px):
         if not 0.0 < sigma_px <= WIDEST_MARK_PX:
             raise ValueError(f"sigma_px must be above 0, and {WIDEST_MARK_PX:g} at most")
-    made = measured(detection, mark_id_of(taken.frame_id, shown.decisions), shown, config)
+    made = measure_accepted(detection, mark_id_of(taken.frame_id, shown.decisions), shown, config)
     return Ruling(frame_id=taken.frame_id, taken=made, by=by)
 
 
@@ -81,7 +81,7 @@ def detection_of(mark: MarkByHand, frame_id: int) -> Detection:
     )
 
 
-def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
+def mark_from_detection(mark: MarkByHand, found: Detection) -> MarkByHand:
     """Return a mark with the ends and precision of the streak that was found beneath it."""
     return replace(
         mark,
@@ -95,7 +95,7 @@ def refined_command(mark: MarkByHand, found: Detection) -> MarkByHand:
     )
 
 
-def sigma_arcsec(measurement: Measurement) -> float:
+def largest_sigma_arcsec(measurement: Measurement) -> float:
     """Return one sigma of a direction, arcsec, on the axis where it is largest."""
     return largest_sigma(*measurement.cov_sky_arcsec2)
 
@@ -107,11 +107,11 @@ def better_measurement(
 
     ``taken``: the track's accepted measurement of the frame.
     """
-    sigma = sigma_arcsec(mark)
+    sigma = largest_sigma_arcsec(mark)
     near = [m for m in shown.measurements if _away_arcsec(m, mark) <= 3.0 * sigma]
     known = [m for m in (taken, *near) if m is not None and m != mark and not m.is_clipped]
-    best = min(known, key=sigma_arcsec, default=None)
-    return best if best is not None and BETTER * sigma_arcsec(best) < sigma else None
+    best = min(known, key=largest_sigma_arcsec, default=None)
+    return best if best is not None and BETTER * largest_sigma_arcsec(best) < sigma else None
 
 
 def _away_arcsec(one: Measurement, other: Measurement) -> float:
@@ -121,7 +121,7 @@ def _away_arcsec(one: Measurement, other: Measurement) -> float:
     return away_deg * 3600.0
 
 
-def measured(
+def measure_accepted(
     detection: Detection, measurement_id: str, shown: FrameObservations, config: Config
 ) -> Measurement:
     """Measure a detection that the operator accepts.
@@ -155,7 +155,7 @@ def detected_measurement(
     ``taken``: the track's accepted measurement of the frame.
     """
     known = [m for m in (taken, *shown.measurements) if m is not None and m.source != "operator"]
-    within = max(SAME_STREAK_ARCSEC, 3.0 * sigma_arcsec(mark))
+    within = max(SAME_STREAK_ARCSEC, 3.0 * largest_sigma_arcsec(mark))
     near = [m for m in known if _away_arcsec(m, mark) <= within]
     return min(near, key=lambda m: _away_arcsec(m, mark), default=None)
 
@@ -178,14 +178,14 @@ def with_mark_figures(
 def unfollowed_frame_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
     """Return the result of a decision on a frame that was taken without autonomy."""
     states = [r for r in records if isinstance(r, TrackState) and r.frame_id == decision.frame_id]
-    result = result_of(decision, ())
+    result = decision_result(decision, ())
     kinds = {each.kind for each in states}
     if decision.taken is None or ("updated" in kinds and "initial" not in kinds):
         return result
     return replace(result, ruled="second of a track" if "initial" in kinds else "first of a track")
 
 
-def result_of(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
+def decision_result(decision: Ruling, records: tuple[Record, ...]) -> CommandResult:
     """Return the result of a decision, with the number of frames that the track did not use."""
     taken, left_alone = decision.taken, 0
     ruled: RuledKind = "rejected" if decision.refused else "taken back"

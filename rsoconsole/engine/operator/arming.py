@@ -12,7 +12,7 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.night import darkness_words, dome_fault, sun_fault, weather_fault
 from rsoconsole.engine.doctor import doctor, doctor_system
-from rsoconsole.engine.doctor.checks import Check, bad, passed_check, unsure
+from rsoconsole.engine.doctor.checks import CheckResult, doubtful_check, failed_check, passed_check
 from rsoconsole.engine.doctor.doctor_system import ClockReading
 from rsoconsole.engine.doctor.mount_lacks import LackName, MissingAbility, missing_abilities
 from rsoconsole.engine.machine.medium import DISK_REMEDY, bytes_until_dawn, disk_words
@@ -32,8 +32,7 @@ CHECKS = (
 CLOCK_OFFSET_S = 0.1
 """Greatest offset of the machine's clock, s; in 0.1 s the sky moves by 1.5 arcsec."""
 MOUNT_TIME_S = 30.0
-"""Greatest offset of the mount's clock, s: many report whole seconds, and late; a wrong zone or day
-still shows."""
+"""Greatest offset of the mount's clock, s: many report whole seconds, and late."""
 POINTING_DEG = CLIP_ARCSEC / 3600.0
 """Greatest pointing offset that the loop corrects, deg; beyond it no slew reaches its target."""
 MOUNT_ANSWER_S = 2.0
@@ -71,8 +70,8 @@ class ArmingFacts:
     free_bytes: int | None
     disk_fault: str
     """Reason why nothing can be written to the session's folder; empty when it can."""
-    network: Check
-    index: Check
+    network: CheckResult
+    index: CheckResult
 
 
 def gather_facts(instruments: Instruments, config: Config, session_folder: Path) -> ArmingFacts:
@@ -143,19 +142,19 @@ def pointing_check(
 
 def _pointing(
     solution: Solution | NotSolved | None, report: MountReport | None, config: Config
-) -> Check:
+) -> CheckResult:
     if solution is None:
-        return bad(
+        return failed_check(
             "no frame has been taken yet", "look at the camera: its driver, its cable, its power"
         )
     if isinstance(solution, NotSolved):
-        return bad(
+        return failed_check(
             f"frame {solution.frame_id} is not solved: {solution.reason}",
             "lens cap, focus, cloud? Check optics.focal_length_mm and pixel_um, and "
             f"that the mount is aligned to within solver.radius_deg = {config.solver.radius_deg:g}",
         )
     if report is None:
-        return bad(
+        return failed_check(
             "the mount does not say where it looks",
             "look at the mount's driver, its cable, its power",
         )
@@ -167,13 +166,13 @@ def _pointing(
     )
     if apart_deg <= POINTING_DEG:
         return passed_check(detail)
-    return bad(
+    return failed_check(
         f"{detail}, {60 * POINTING_DEG:.0f} at most", f"{ALIGN} (its sync, its hand controller)"
     )
 
 
 def unknown_words(names: Collection[str]) -> str:
-    """Return a message that lists unknown names of checks; empty where all are known."""
+    """Return a message on names that are no check's; empty where all are known."""
     unknown = ", ".join(sorted(set(names) - set(CHECKS)))
     return f"no check is called {unknown}; there are {', '.join(CHECKS)}" if unknown else ""
 
@@ -191,7 +190,7 @@ def refusal_text(checks: Sequence[ArmingCheck], overridden: Collection[str]) -> 
     return f"not armed. {listed}. If you answer for it: {options}"
 
 
-def _clock(facts: ArmingFacts, config: Config) -> Check:
+def _clock(facts: ArmingFacts, config: Config) -> CheckResult:
     """Check the machine's clock; the answer includes the shutter's timing, if it was measured."""
     found = doctor.check_clock(facts.clock, CLOCK_OFFSET_S)
     if facts.is_simulated:
@@ -202,16 +201,16 @@ def _clock(facts: ArmingFacts, config: Config) -> Check:
     return replace(found, detail=f"{found.detail}; {shutter}")
 
 
-def _site(facts: ArmingFacts) -> Check:
+def _site(facts: ArmingFacts) -> CheckResult:
     if facts.site is None:
         return _mount_is_silent(facts)
     if facts.site.is_consistent:
         return passed_check(facts.site.detail)
     remedy = "correct site.latitude_deg and site.longitude_deg, or set the mount's site"
-    return bad(facts.site.detail, remedy)
+    return failed_check(facts.site.detail, remedy)
 
 
-def _time(facts: ArmingFacts) -> Check:
+def _time(facts: ArmingFacts) -> CheckResult:
     if facts.report is None:
         return _mount_is_silent(facts)
     offset_s = facts.mount_utc_offset_s
@@ -220,23 +219,23 @@ def _time(facts: ArmingFacts) -> Check:
     detail = f"the mount's clock is {offset_s:+.1f} s from this machine's"
     if abs(offset_s) <= MOUNT_TIME_S:
         return passed_check(detail)
-    return bad(
+    return failed_check(
         f"{detail}, {MOUNT_TIME_S:.0f} s at most",
         "set the mount's UTC time, or the hand controller's zone and summer time",
     )
 
 
-def _sun(facts: ArmingFacts, config: Config) -> Check:
+def _sun(facts: ArmingFacts, config: Config) -> CheckResult:
     fault = sun_fault(config, facts.now_utc_ns)
     when = darkness_words(config, facts.now_utc_ns)
-    return bad(fault, when) if fault else passed_check(when)
+    return failed_check(fault, when) if fault else passed_check(when)
 
 
-def _unparked(facts: ArmingFacts, config: Config) -> Check:
+def _unparked(facts: ArmingFacts, config: Config) -> CheckResult:
     if facts.report is None:
         return _mount_is_silent(facts)
     if facts.report.is_parked:
-        return bad("the mount is parked", "'rsoconsole unpark'")
+        return failed_check("the mount is parked", "'rsoconsole unpark'")
     is_parking = facts.report.is_parking
     detail = "the mount parks: arming ends that" if is_parking else "the mount is not parked"
     found = [_lack(name, facts, config) for name in ("park", "pier side")]
@@ -246,14 +245,14 @@ def _unparked(facts: ArmingFacts, config: Config) -> Check:
 
 def _ability(
     name: Literal["abort", "tracking"], detail: str, facts: ArmingFacts, config: Config
-) -> Check:
+) -> CheckResult:
     if facts.report is None or facts.abilities is None:
         return _mount_is_silent(facts)
     lack = _lack(name, facts, config)
     if lack is None:
         return passed_check(detail)
     remedy = "use a driver that can; else stay beside the mount" if lack.needs_override else ""
-    return Check(ok=not lack.needs_override, detail=lack.follows, remedy=remedy)
+    return CheckResult(ok=not lack.needs_override, detail=lack.follows, remedy=remedy)
 
 
 def _lack(name: LackName, facts: ArmingFacts, config: Config) -> MissingAbility | None:
@@ -261,29 +260,29 @@ def _lack(name: LackName, facts: ArmingFacts, config: Config) -> MissingAbility 
     return next((lack for lack in lacks if lack.name == name), None)
 
 
-def _weather(facts: ArmingFacts, config: Config) -> Check:
+def _weather(facts: ArmingFacts, config: Config) -> CheckResult:
     if config.indi.weather is None:
         return passed_check("no station is configured")
     fault = weather_fault(config, facts.sky)
     if fault:
         remedy = "wait until it clears; for a silent station look at its driver and indi.weather"
-        return bad(fault, remedy)
+        return failed_check(fault, remedy)
     word = facts.sky.weather if facts.sky else None
     return passed_check(f"{config.indi.weather} says {word}")
 
 
-def _dome(facts: ArmingFacts, config: Config) -> Check:
+def _dome(facts: ArmingFacts, config: Config) -> CheckResult:
     if config.indi.dome is None:
         return passed_check("none is configured")
     fault = dome_fault(config, facts.sky)
     if fault:
-        return bad(fault, "open its shutter")
+        return failed_check(fault, "open its shutter")
     return passed_check(f"{config.indi.dome} is open")
 
 
-def _disk(facts: ArmingFacts, config: Config) -> Check:
+def _disk(facts: ArmingFacts, config: Config) -> CheckResult:
     if facts.disk_fault or facts.free_bytes is None:
-        return bad(
+        return failed_check(
             f"the session cannot be written: {facts.disk_fault or 'its disk is unknown'}",
             "give yourself the right to write there, or set session.root",
         )
@@ -291,10 +290,10 @@ def _disk(facts: ArmingFacts, config: Config) -> Check:
     detail = disk_words(facts.free_bytes, dark_s, need_bytes)
     if facts.free_bytes >= need_bytes:
         return passed_check(detail)
-    return bad(detail, DISK_REMEDY)
+    return failed_check(detail, DISK_REMEDY)
 
 
-def _of_doctor(name: str, found: Check) -> ArmingCheck:
+def _of_doctor(name: str, found: CheckResult) -> ArmingCheck:
     """Return a doctor's check as one of arming; an unknown result does not pass."""
     is_well = found.ok is True
     return ArmingCheck(
@@ -302,8 +301,8 @@ def _of_doctor(name: str, found: Check) -> ArmingCheck:
     )
 
 
-def _mount_is_silent(facts: ArmingFacts) -> Check:
-    return bad(
+def _mount_is_silent(facts: ArmingFacts) -> CheckResult:
+    return failed_check(
         f"{NO_ANSWER}: {facts.mount_fault or 'no reason given'}",
         "look at its driver, its cable, its power",
     )
@@ -319,6 +318,6 @@ def _ask(question: Callable[[], Answer]) -> tuple[Answer | None, str]:
         return None, f"{type(error).__name__}: {error}"
 
 
-def _checked(check: Callable[[Config], Check], config: Config) -> Check:
+def _checked(check: Callable[[Config], CheckResult], config: Config) -> CheckResult:
     found, fault = _ask(lambda: check(config))
-    return found or unsure(fault, "reinstall rsoconsole")
+    return found or doubtful_check(fault, "reinstall rsoconsole")

@@ -3,7 +3,16 @@
 import math
 from dataclasses import dataclass
 
-from rsoconsole.control import AimOffset, Command, Goto, MovePreview, Nudge, Preview, Track, Unpark
+from rsoconsole.control import (
+    AimOffset,
+    Command,
+    Goto,
+    MovePreview,
+    Nudge,
+    Preview,
+    SetTracking,
+    Unpark,
+)
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import NS, InstrumentController
 from rsoconsole.engine.aim.plan import Planner
@@ -13,14 +22,13 @@ from rsoconsole.engine.tasks.pace import config_with_setting
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.engine.tasks.watch import LIFTS, Watch
-from rsoconsole.pipeline import follow_direction, slew_to
-from rsoconsole.records import CommandResult, done
+from rsoconsole.pipeline import follow_direction, slew_command
+from rsoconsole.records import CommandResult, done_result
 from rsoconsole.sky import Pose, icrs_to_altaz, icrs_to_jnow, separation_deg, wrap_360
 from rsoconsole.words import text
 
 Direction = tuple[float, float]
 Move = Goto | Nudge
-"""A command that sends the telescope somewhere."""
 PARKED = "the mount is parked: unpark it first"
 
 
@@ -36,7 +44,7 @@ class HandMove:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
-    """The engine's parts with which moves by hand, frames and leaps work."""
+    """The parts of the engine that moves by hand, frames and leaps share."""
 
     instrument_controller: InstrumentController
     planner: Planner
@@ -47,7 +55,7 @@ class Parts:
 
 
 class ByHand:
-    """Moves the mount by hand, within its limits, and remembers where it was sent."""
+    """Executes the operator's moves of the mount, within its limits; keeps the present one."""
 
     def __init__(self, control: LoopControl, parts: Parts) -> None:
         self._control = control
@@ -62,7 +70,7 @@ class ByHand:
         return {
             Goto: move,
             Nudge: move,
-            Track: Handler(expect=self._expect_free, execute=self._track),
+            SetTracking: Handler(expect=self._expect_free, execute=self._track),
             Unpark: Handler(expect=self._expect_park, execute=self._unpark),
         }
 
@@ -94,7 +102,7 @@ class ByHand:
             way_deg=separation_deg(*here, *direction),
             slew_s=self._parts.planner.slew_s(direction, now_ns),
             pier_side=report.pier_side,
-            pier_side_after=self._parts.planner.side_at(direction, now_ns),
+            pier_side_after=self._parts.planner.pier_side_after_slew(direction, now_ns),
             margins_deg=tuple(margin for margin in margins if math.isfinite(margin[1])),
             refused=PARKED if report.is_parked else self._refusal(direction, override),
         )
@@ -130,8 +138,10 @@ class ByHand:
         self.move = HandMove(direction=direction, command=commanded)
         now_ns = self._parts.instrument_controller.now_utc_ns()
         reason = f"{command.verb} by {by}"
-        self._parts.session_log.append(slew_to(self._control.frame_id, direction, now_ns, reason))
-        return done("on its way")
+        self._parts.session_log.append(
+            slew_command(self._control.frame_id, direction, now_ns, reason)
+        )
+        return done_result("on its way")
 
     def _possible(self, command: Move) -> Direction:
         """Return the direction of a move, ICRS degrees.
@@ -155,18 +165,20 @@ class ByHand:
         if self._parts.instrument_controller.mount_report().is_slewing:
             self._parts.instrument_controller.end_motion()
 
-    def _expect_free(self, command: Track, by: str) -> None:
+    def _expect_free(self, command: SetTracking, by: str) -> None:
         if self._control.authority.is_autonomous:
             raise ValueError("autonomy has the mount: disarm it first")
         self._expect_unparked(command, by)
 
-    def _track(self, command: Track, by: str) -> CommandResult:
+    def _track(self, command: SetTracking, by: str) -> CommandResult:
         """Turn sidereal tracking on or off; on ends a park under way."""
         self._expect_free(command, by)
         if command.is_on:
             self._control.end_park()
         self._parts.instrument_controller.instruments.mount.set_tracking(command.is_on)
-        return done("the mount tracks" if command.is_on else "tracking is off: the mount stands")
+        return done_result(
+            "the mount tracks" if command.is_on else "tracking is off: the mount stands"
+        )
 
     def _expect_park(self, _command: Unpark, _by: str) -> None:
         report = self._parts.instrument_controller.mount_report()
@@ -175,7 +187,7 @@ class ByHand:
 
     def _unpark(self, _command: Unpark, _by: str) -> CommandResult:
         self._control.end_park()
-        return done("the mount is not parked any more")
+        return done_result("the mount is not parked any more")
 
     def _wanted(self, move: Move | AimOffset) -> Direction:
         """Return the direction of a move, ICRS degrees."""
@@ -219,5 +231,5 @@ class ByHand:
     def _command(self, direction: Direction) -> Direction:
         now_ns = self._parts.instrument_controller.now_utc_ns()
         return self._parts.planner.command(
-            slew_to(self._control.frame_id, direction, now_ns, "by hand")
+            slew_command(self._control.frame_id, direction, now_ns, "by hand")
         )

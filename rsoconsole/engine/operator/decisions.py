@@ -14,24 +14,24 @@ from rsoconsole.config import Config
 from rsoconsole.control import (
     Accept,
     BeginMark,
-    Choose,
+    ChooseStreak,
     Decision,
-    Drop,
-    Keep,
+    DropTrack,
+    KeepTrack,
     MarkByHand,
     Reject,
-    TakeBack,
+    WithdrawDecisions,
 )
 from rsoconsole.engine.aim.states import Followed, Marked
 from rsoconsole.engine.operator._hand_marks import (
     better_measurement,
+    decision_from_mark,
+    decision_result,
     detected_measurement,
     detection_of,
-    marked_decision,
-    measured,
-    refined_command,
-    result_of,
-    sigma_arcsec,
+    largest_sigma_arcsec,
+    mark_from_detection,
+    measure_accepted,
     unfollowed_frame_result,
     with_mark_figures,
 )
@@ -43,7 +43,13 @@ from rsoconsole.engine.operator.handlers import (
     RefusedError,
 )
 from rsoconsole.engine.tasks.session_log import SessionLog
-from rsoconsole.pipeline import Cycle, FollowedFrames, FrameObservations, HandTrack, refined_mark
+from rsoconsole.pipeline import (
+    Cycle,
+    FollowedFrames,
+    FrameObservations,
+    UntrackedFrames,
+    refined_mark,
+)
 from rsoconsole.records import (
     BelowTau,
     Cause,
@@ -61,7 +67,11 @@ from rsoconsole.words import error_figure, text
 
 
 def track_decision(
-    word: Drop | Keep, shown: FrameObservations, following: Following, by: str, config: Config
+    word: DropTrack | KeepTrack,
+    shown: FrameObservations,
+    following: Following,
+    by: str,
+    config: Config,
 ) -> Ruling:
     """Return the decision to drop or keep one track; earlier decisions on the frame stay.
 
@@ -71,7 +81,7 @@ def track_decision(
     frame_id = shown.taken.frame_id
     before = shown.decision or Ruling(frame_id=frame_id)
     number = word.track
-    if isinstance(word, Drop) and word.off:
+    if isinstance(word, DropTrack) and word.off:
         left = tuple(each for each in before.dropped if each != number)
         return replace(before, dropped=left, by=by)
     known = {each.track.track_id: each for each in following.tracks}
@@ -84,7 +94,7 @@ def track_decision(
             f"search.follow is {config.search.follow!r}: no track is its own there,"
             " choose a streak instead"
         )
-    if isinstance(word, Drop):
+    if isinstance(word, DropTrack):
         return replace(before, dropped=(*before.dropped, number), by=by)
     is_kept = known[number].is_kept
     if is_kept is not bool(word.off):
@@ -96,13 +106,13 @@ def track_decision(
     return replace(before, kept=(*kept, number), released=released, by=by)
 
 
-def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
+def decided_frame_id(word: DropTrack | KeepTrack, decisions: Sequence[Ruling]) -> int | None:
     """Return the number of the frame that a command to drop or keep a track is about.
 
     For a drop that is taken back this is the frame of that drop; else the command's own frame.
     Raises ValueError where no such drop is found.
     """
-    if not (isinstance(word, Drop) and word.off):
+    if not (isinstance(word, DropTrack) and word.off):
         return word.frame_id
     found = [each.frame_id for each in decisions if word.track in each.dropped]
     if not found:
@@ -114,15 +124,15 @@ def frame_of(word: Drop | Keep, decisions: Sequence[Ruling]) -> int | None:
 
 
 def with_track_decisions(decision: Ruling, before: Ruling | None) -> Ruling:
-    """Return a decision on a frame's streaks with the frame's earlier decisions on tracks added."""
+    """Return a decision on streaks, completed by the frame's earlier decisions on tracks."""
     if before is None:
         return decision
     return replace(decision, dropped=before.dropped, kept=before.kept, released=before.released)
 
 
-def ruled_kind(word: Drop | Keep) -> RuledKind:
+def track_result_kind(word: DropTrack | KeepTrack) -> RuledKind:
     """Return the kind of result that a command to drop or keep a track has."""
-    if isinstance(word, Drop):
+    if isinstance(word, DropTrack):
         return "taken up again" if word.off else "dropped"
     return "released" if word.off else "kept"
 
@@ -135,7 +145,7 @@ PixelsOf = Callable[[int], PixelArray | None]
 """The pixels of a frame by its number, (height, width) ADU; None where they were not kept."""
 
 
-Frames: TypeAlias = FollowedFrames | HandTrack
+Frames: TypeAlias = FollowedFrames | UntrackedFrames
 """The last frames that accept a decision; each method raises ValueError for other frames."""
 
 
@@ -161,7 +171,7 @@ class Decisions:
         """Handlers of the commands on streaks and tracks, by class."""
         handler = Handler(check=self._check, execute=self._rule)
         mark = Handler(check=self._check_mark, execute=self._rule)
-        commands = (Choose, Accept, Reject, TakeBack, Drop, Keep)
+        commands = (ChooseStreak, Accept, Reject, WithdrawDecisions, DropTrack, KeepTrack)
         return {MarkByHand: mark, **dict.fromkeys(commands, handler)}
 
     @property
@@ -182,14 +192,16 @@ class Decisions:
         accepts no mark any more.
         """
         frames = self._frames
-        shown = frames.newest() if begun.frame_id is None else frames.shown(begun.frame_id)
+        shown = (
+            frames.newest_observations() if begun.frame_id is None else frames.shown(begun.frame_id)
+        )
         frame_id = shown.taken.frame_id
         others = {n: pixels for n, pixels in self._marked_pixels.items() if n != frame_id}
         if not begun.is_on:
             frames.release_frame(frame_id)
             self._marked_pixels = others
             return frame_id
-        frames.hold(frame_id)
+        frames.hold_frame(frame_id)
         try:
             frames.shown(frame_id)
         except ValueError:  # a newer one has taken its place at this very moment
@@ -225,19 +237,22 @@ class Decisions:
             fwhm_px = shown.detections.star_fwhm_px
             found = refined_mark(pixels, rough, star_fwhm_px=fwhm_px)
             if found is not None:
-                pinned, how = refined_command(pinned, found), "refined on the light beneath it"
+                pinned, how = mark_from_detection(pinned, found), "refined on the light beneath it"
         decision = self._decision(pinned, by)
         assert decision.taken is not None
-        sigma = sigma_arcsec(decision.taken)
-        better = better_measurement(decision.taken, shown, self._frames.taken(decision.frame_id))
+        sigma = largest_sigma_arcsec(decision.taken)
+        better = better_measurement(
+            decision.taken, shown, self._frames.accepted_measurement(decision.frame_id)
+        )
         if better is not None and not mark.replaces:
             raise RefusedError(
                 f"yours is good to ±{error_figure(sigma)}″ ({how}); frame {decision.frame_id}"
-                f" has it to ±{error_figure(sigma_arcsec(better))}″: mark it as replacing that",
+                f" has it to ±{error_figure(largest_sigma_arcsec(better))}″:"
+                " mark it as replacing that",
                 {
                     "asks": "replaces",
                     "sigma_arcsec": sigma,
-                    "better_arcsec": sigma_arcsec(better),
+                    "better_arcsec": largest_sigma_arcsec(better),
                     "how": how,
                 },
             )
@@ -252,7 +267,7 @@ class Decisions:
         frame_id, mark = decision.frame_id, decision.taken
         self._marked_pixels = {n: p for n, p in self._marked_pixels.items() if n != frame_id}
         assert mark is not None
-        shown, taken = self._frames.shown(frame_id), self._frames.taken(frame_id)
+        shown, taken = self._frames.shown(frame_id), self._frames.accepted_measurement(frame_id)
         result = self._follow_again(command, decision)
         return with_mark_figures(result, mark, detected_measurement(mark, shown, taken))
 
@@ -262,9 +277,9 @@ class Decisions:
         if not self._control.authority.is_autonomous:
             return self._rule_by_hand(decision)
         after, records = self._cycle.apply_decision(decision)
-        result = result_of(decision, records)
-        if isinstance(command, Drop | Keep):
-            result = replace(result, ruled=ruled_kind(command), left_alone=0)
+        result = decision_result(decision, records)
+        if isinstance(command, DropTrack | KeepTrack):
+            result = replace(result, ruled=track_result_kind(command), left_alone=0)
         others = {each.track.track_id for each in before.tracks[1:]}
         if decision.taken is not None and after.track_id in others:
             result = CommandResult(kind="ruled", ruled="leads", frame_id=decision.frame_id)
@@ -296,32 +311,32 @@ class Decisions:
 
     def _decision(self, command: Decision, by: str) -> Ruling:
         """Return the decision that a command makes. Raises ValueError where it cannot be made."""
-        if isinstance(command, Drop | Keep) and not self._control.authority.is_autonomous:
+        if isinstance(command, DropTrack | KeepTrack) and not self._control.authority.is_autonomous:
             raise ValueError("nothing is followed: autonomy does not have the mount")
-        if isinstance(command, Drop | Keep):
-            of = frame_of(command, self._cycle.folds.decisions())
+        if isinstance(command, DropTrack | KeepTrack):
+            of = decided_frame_id(command, self._cycle.folds.decisions())
             command = replace(command, frame_id=of)
         folds, following = self._frames, self._control.following
         config = self._control.config
         match command:
-            case Drop() | Keep():
+            case DropTrack() | KeepTrack():
                 return track_decision(command, _frame(command, folds), following, by, config)
-            case TakeBack():
+            case WithdrawDecisions():
                 return _take_back(command, folds, by)
-            case Choose():
+            case ChooseStreak():
                 made = _choose(_frame(command, folds), command, by, config)
             case Accept():
                 made = _accept(_frame(command, folds), folds, by, config)
             case Reject():
                 made = _reject(command, folds, following, by)
             case MarkByHand():
-                made = marked_decision(_frame(command, folds), command, by, config)
+                made = decision_from_mark(_frame(command, folds), command, by, config)
             case _:
                 raise TypeError(f"{command.verb} is no word on a frame")
         return with_track_decisions(made, folds.shown(made.frame_id).decision)
 
 
-def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:
+def _take_back(command: WithdrawDecisions, folds: Frames, by: str) -> Ruling:
     """Return a decision without content: the detector's result alone counts for the frame again."""
     frame_id = folds.last_decided_frame_id() if command.frame_id is None else command.frame_id
     if frame_id is None:
@@ -332,10 +347,12 @@ def _take_back(command: TakeBack, folds: Frames, by: str) -> Ruling:
 
 
 def _frame(command: Decision, folds: Frames) -> FrameObservations:
-    return folds.newest() if command.frame_id is None else folds.shown(command.frame_id)
+    return (
+        folds.newest_observations() if command.frame_id is None else folds.shown(command.frame_id)
+    )
 
 
-def _choose(shown: FrameObservations, choice: Choose, by: str, config: Config) -> Ruling:
+def _choose(shown: FrameObservations, choice: ChooseStreak, by: str, config: Config) -> Ruling:
     """Return the decision to follow the streak nearest to a place."""
     x_px, y_px = choice.x_px, choice.y_px
     found = shown.detections
@@ -352,7 +369,7 @@ def _choose(shown: FrameObservations, choice: Choose, by: str, config: Config) -
 def _accept(shown: FrameObservations, folds: Frames, by: str, config: Config) -> Ruling:
     """Return the decision to accept the likeliest streak that the track did not take."""
     refused = shown.decision.refused if shown.decision is not None else ()
-    already = folds.taken(shown.taken.frame_id)
+    already = folds.accepted_measurement(shown.taken.frame_id)
     out = {(m.x_px, m.y_px) for m in (*refused, already) if m is not None}
     measured = [m for m in shown.measurements if (m.x_px, m.y_px) not in out]
     rejected = [
@@ -378,10 +395,10 @@ def _accept(shown: FrameObservations, folds: Frames, by: str, config: Config) ->
 
 def _reject(rejection: Reject, folds: Frames, following: Following, by: str) -> Ruling:
     """Return the decision to reject a frame's measurement of the track; no frame: the last."""
-    taken = following.taken
+    taken = following.lead_measured
     if rejection.frame_id is not None:
         shown = _frame(rejection, folds)
-        taken = folds.taken(shown.taken.frame_id)
+        taken = folds.accepted_measurement(shown.taken.frame_id)
         if taken is None:
             number = shown.taken.frame_id
             raise ValueError(f"nothing was taken of frame {number} that could be rejected")
@@ -400,4 +417,4 @@ def _measurement_of(detection: Detection, shown: FrameObservations, config: Conf
     found = shown.detections
     candidates = [*found.detections, *(each.detection for each in found.rejected)]
     named = measurement_id_of(shown.taken.frame_id, candidates.index(detection))
-    return measured(detection, named, shown, config)
+    return measure_accepted(detection, named, shown, config)

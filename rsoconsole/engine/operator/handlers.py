@@ -28,7 +28,7 @@ from rsoconsole.engine.tasks.pace import TemporarySettings, change_record, confi
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.slews import Slews
 from rsoconsole.pipeline import direction_at
-from rsoconsole.records import DONE, CommandResult, TrackState, done
+from rsoconsole.records import DONE, CommandResult, TrackState, done_result
 from rsoconsole.tracking import Following
 from rsoconsole.tracking.filters import estimator
 from rsoconsole.words import text
@@ -37,7 +37,7 @@ SOON = "in force from the next cycle"
 
 
 class LoopControl(Protocol):
-    """What handlers see of the loop: its state, and the methods that change it."""
+    """The loop as handlers see it: its state, and the methods that change it."""
 
     @property
     def config(self) -> Config:
@@ -122,13 +122,13 @@ class Accepted:
     """More exact command to execute instead; None: the command itself."""
 
 
-def accept(_command: Command, _by: str) -> Accepted:
+def accept_unchecked(_command: Command, _by: str) -> Accepted:
     """Accept a command that needs no check."""
     return Accepted()
 
 
-def need_no_state(_command: Command, _by: str) -> None:
-    """Check nothing: for commands that are possible in every state of the loop."""
+def skip_state_check(_command: Command, _by: str) -> None:
+    """Accept any state of the loop: the check of commands that are always possible."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,12 +136,10 @@ class Handler:
     """The check and the execution of one command; ``by``, their second argument, is the sender."""
 
     execute: Callable[[Any, str], CommandResult]
-    """Executes the command on the loop's thread; returns its result. Raises ValueError with the
-    reason where it cannot, InstrumentError where the mount fails."""
-    check: Callable[[Any, str], Accepted] = accept
-    """Checks the command on the wire's threads, before it is queued. Raises ValueError if it cannot
-    be."""
-    expect: Callable[[Any, str], None] = need_no_state
+    """Executor on the loop's thread; ValueError: it cannot; InstrumentError: the mount fails."""
+    check: Callable[[Any, str], Accepted] = accept_unchecked
+    """Check on the wire's threads, before the command is queued; ValueError refuses it."""
+    expect: Callable[[Any, str], None] = skip_state_check
     """Checks conditions that earlier commands may still change: called only while none waits."""
 
 
@@ -163,7 +161,7 @@ def joined(parts: Iterable[Handlers]) -> dict[type[Command], Handler]:
 
 
 class Modes:
-    """Handles commands on the control of the mount, as triggers of the state machine."""
+    """Handles the commands on control of the mount, such as arm, hold, resume and park."""
 
     def __init__(self, control: LoopControl) -> None:
         self._control = control
@@ -177,13 +175,13 @@ class Modes:
             Hold: Handler(expect=self._expect_hold, execute=self._pass),
             Resume: Handler(expect=self._expect_resume, execute=self._resume),
             Park: Handler(execute=self._park),
-            Abort: Handler(execute=lambda _command, _by: done("the exposure was given up")),
+            Abort: Handler(execute=lambda _command, _by: done_result("the exposure was given up")),
             Shutdown: Handler(execute=lambda _command, _by: DONE),
         }
 
     def _expect(self, command: Command, by: str) -> None:
         """Raise ValueError where the state machine would refuse."""
-        refusal = step(self._control.authority, trigger_of(command, by)).refusal
+        refusal = step(self._control.authority, command_trigger(command, by)).refusal
         if refusal is not None:
             raise ValueError(refusal)
 
@@ -197,7 +195,7 @@ class Modes:
         self._control.expect_night()
 
     def _pass(self, command: Command, by: str) -> CommandResult:
-        self._control.handle(trigger_of(command, by))
+        self._control.handle(command_trigger(command, by))
         return DONE
 
     def _arm(self, command: Arm, by: str) -> CommandResult:
@@ -210,10 +208,12 @@ class Modes:
 
     def _park(self, _command: Park, by: str) -> CommandResult:
         self._control.park(by)
-        return done("the mount parks" if self._control.is_park_wanted else "the mount is parked")
+        return done_result(
+            "the mount parks" if self._control.is_park_wanted else "the mount is parked"
+        )
 
 
-def trigger_of(command: Command, by: str) -> Trigger:
+def command_trigger(command: Command, by: str) -> Trigger:
     """Return the state machine's trigger for arm, disarm, hold or resume.
 
     Raises TypeError for other commands.
@@ -259,12 +259,12 @@ class Settings:
         self._session_log.append(change_record(before, after, command.name, by))
         self._control.configure(after)
         if after.filter.preset != before.filter.preset:
-            estimator.make_ready(after.filter)
+            estimator.preload_modules(after.filter)
         return DONE
 
 
 class Seeking:
-    """Handles the command to search around the predicted position of the last track."""
+    """Handles the command to search around the last track's predicted position."""
 
     def __init__(
         self,
@@ -293,7 +293,7 @@ class Seeking:
         direction = self.direction()
         self._control.handle(Sought(by=by))
         self._planner.search_about(direction, self._instrument_controller.now_utc_ns())
-        return done("looking for it in a widening spiral")
+        return done_result("looking for it in a widening spiral")
 
     def direction(self) -> tuple[float, float]:
         """Return the direction predicted for the last track now, ICRS degrees.
@@ -309,8 +309,8 @@ class Seeking:
             raise ValueError("the mount is held: resume first")
         now_ns = self._instrument_controller.now_utc_ns()
         # A line on the sky leads astray within the hour, an orbit does not.
-        direction = self._guide.last_direction(now_ns) or direction_at(track, now_ns)
-        refused = self._slews.refuse_direction(direction, now_ns)
+        direction = self._guide.last_track_direction(now_ns) or direction_at(track, now_ns)
+        refused = self._slews.direction_refusal(direction, now_ns)
         if refused is not None:
             raise ValueError(f"it cannot be looked for where it must be: {text(refused)}")
         return direction

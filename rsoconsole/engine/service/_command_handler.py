@@ -11,9 +11,8 @@ from typing import Any
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.control import (
     ON_RECORD,
-    AnswerSeat,
+    AnswerControlRequest,
     Arm,
-    AskSeat,
     AskStatus,
     BeginMark,
     Command,
@@ -23,13 +22,14 @@ from rsoconsole.control import (
     PendingOutcome,
     Preview,
     Request,
+    RequestControl,
     Sender,
     Shutdown,
     Status,
     Stop,
-    as_json,
-    printable,
     status_json,
+    to_json_types,
+    to_printable,
 )
 from rsoconsole.engine.aim.states import Stopped
 from rsoconsole.engine.doctor.mount_lacks import MissingAbility, missing_abilities
@@ -49,10 +49,10 @@ from rsoconsole.engine.tasks.command_queue import (
     OvertakenError,
     action_record,
 )
-from rsoconsole.engine.tasks.seats import Seats, seat_name
+from rsoconsole.engine.tasks.seats import ConsoleControl, seat_name
 from rsoconsole.instruments import StopResult
 from rsoconsole.pipeline import HELD
-from rsoconsole.records import ACCEPTED, DONE, CommandResult, OperatorAction, done
+from rsoconsole.records import ACCEPTED, DONE, CommandResult, OperatorAction, done_result
 from rsoconsole.sky import icrs_to_altaz
 from rsoconsole.words import ENGINE_ENDS, text
 
@@ -68,7 +68,7 @@ WAITS = "accepted; it is sent as soon as the loop is free"
 
 
 class CommandHandler:
-    """Answers requests on the wire's threads; never waits for the end of the loop's cycle."""
+    """Answers requests on the wire's threads, without waiting for the loop's cycle to end."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ class CommandHandler:
         self._session = session
         self._record_faults = record_faults
         self._flush = flush
-        self._seats = Seats()
+        self._seats = ConsoleControl()
         self._machine = machine
         self._lacks = lacks
         self._mount_word_s = mount_word_s
@@ -107,8 +107,8 @@ class CommandHandler:
             Preview: self._preview,
             Note: self._note,
             BeginMark: self._begin_mark,
-            AskSeat: self._ask_seat,
-            AnswerSeat: self._answer_seat,
+            RequestControl: self._ask_seat,
+            AnswerControlRequest: self._answer_seat,
         }
         """Commands answered on the socket's thread."""
         self._handlers: Mapping[type[Command], Handler] = {
@@ -119,7 +119,7 @@ class CommandHandler:
         }
 
     def handle(self, request: Request) -> Outcome:
-        """Answer a request and wait for the whole outcome; a refusal gives the reason."""
+        """Answer a request once its outcome is complete; a refusal gives the reason."""
         begun = self.begin(request)
         return begun.outcome() if isinstance(begun, PendingOutcome) else begun
 
@@ -257,7 +257,7 @@ class CommandHandler:
         return Outcome(ok=True, data=status_json(self.status()))
 
     def status(self) -> Status:
-        """Return the loop's status with the health, seats and last STOP, which are known here."""
+        """Return the loop's status, with health, control of consoles and last STOP added."""
         status = self._engine.status()
         report = self._engine.watch.last_report
         health = self._health.read(report, self._engine.interruptions.trouble, self._lacks)
@@ -279,7 +279,7 @@ class CommandHandler:
             seat=None if seat.holder is None else seat_name(seat.holder),
             seat_asked_by=None if seat.asked_by is None else seat_name(seat.asked_by),
             last_stop=self._stop_now_known(),
-            temporary=self._engine.frames.temporary.left(),
+            temporary=self._engine.frames.temporary.frames_left(),
             session=self._session.absolute(),
             pid=os.getpid(),
         )
@@ -303,21 +303,21 @@ class CommandHandler:
 
     def _preview(self, command: Preview, _sender: Sender) -> Outcome:
         """Return the target of a move by hand, its duration and the limits against it."""
-        return Outcome(ok=True, data=as_json(self._engine.by_hand.preview(command)))
+        return Outcome(ok=True, data=to_json_types(self._engine.by_hand.preview(command)))
 
-    def _ask_seat(self, _command: AskSeat, sender: Sender) -> Outcome:
+    def _ask_seat(self, _command: RequestControl, sender: Sender) -> Outcome:
         return Outcome(ok=True, message=self._seats.ask(sender))
 
-    def _answer_seat(self, command: AnswerSeat, sender: Sender) -> Outcome:
+    def _answer_seat(self, command: AnswerControlRequest, sender: Sender) -> Outcome:
         return Outcome(
-            ok=True, message=self._seats.answer(sender, gives=command.gives, to=command.to)
+            ok=True, message=self._seats.answer_request(sender, gives=command.gives, to=command.to)
         )
 
     def _note(self, command: Note, sender: Sender) -> Outcome:
         """Put the operator's remark on record at once."""
-        said = dataclasses.replace(command, text=printable(command.text).strip()[:LONGEST_NOTE])
+        said = dataclasses.replace(command, text=to_printable(command.text).strip()[:LONGEST_NOTE])
         self._engine.session_log.append(
-            action_record(Request(command=said, sender=sender), done("noted"))
+            action_record(Request(command=said, sender=sender), done_result("noted"))
         )
         if not self._flush(FLUSH_S):
             return self._not_on_record("noted in memory")

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from rsoconsole.base import ConfigError, InstrumentError, SessionError, waits_reported_to
+from rsoconsole.base import ConfigError, InstrumentError, SessionError, report_waits_to
 from rsoconsole.config import Config
 from rsoconsole.control import ControlServer, EngineLock, MountLock, default_socket_path
 from rsoconsole.engine.aim.instrument_controller import InstrumentController, Interrupted
@@ -24,7 +24,7 @@ from rsoconsole.engine.alerts.process import AlertProcess
 from rsoconsole.engine.doctor.doctor_system import read_clock
 from rsoconsole.engine.doctor.mount_lacks import MissingAbility, missing_abilities
 from rsoconsole.engine.loop.loop import Engine
-from rsoconsole.engine.machine.machine import hide_notify_socket, notify
+from rsoconsole.engine.machine.machine import hide_notify_socket, notify_systemd
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.engine.operator.arming import (
     arming_checks,
@@ -35,16 +35,20 @@ from rsoconsole.engine.operator.arming import (
 from rsoconsole.engine.service._command_handler import CommandHandler
 from rsoconsole.engine.service.machine_watch import MachineWatch
 from rsoconsole.engine.tasks.command_queue import CommandQueue
-from rsoconsole.engine.tasks.session_log import WarningsOnRecord, keep_uncorrelated, read_past
+from rsoconsole.engine.tasks.session_log import (
+    WarningsOnRecord,
+    keep_uncorrelated,
+    read_earlier_tracks,
+)
 from rsoconsole.instruments import (
     Instruments,
     MountPort,
     client_library,
     connect_instruments,
-    return_freed_blocks,
+    return_freed_blocks_at_once,
 )
-from rsoconsole.pipeline import Reduction, kept_pixels, open_reducer
-from rsoconsole.session import SessionWriter, cut_off_session, new_session_folder
+from rsoconsole.pipeline import Reduction, open_reducer, recorded_pixels
+from rsoconsole.session import SessionWriter, find_cut_off_session, new_session_folder
 from rsoconsole.sky import day_of
 from rsoconsole.words import shutter_words
 
@@ -53,7 +57,6 @@ log = logging.getLogger(__name__)
 START_AGAIN_US = 60_000_000
 """Time that is added to the service manager's wait while an engine reports why it waits, us."""
 DEFINED_S = 2.0
-"""Wait for a driver's properties after its connection, s."""
 VERSIONS_OF = ("rsoconsole", "ai-edge-litert", "astrometry", "numpy")
 
 
@@ -68,9 +71,7 @@ class RunSettings:
     """Number of frames after which the run ends; None: no such end."""
     is_armed: bool = False
     lifted: frozenset[str] = frozenset()
-    """Names of the arming checks that are overridden."""
     listens: bool = True
-    """True where the engine listens on its control socket."""
     socket: Path | None = None
 
 
@@ -86,12 +87,12 @@ def run_engine(
     SIGTERM and SIGINT end it safely: the mount stops and the session is closed. Raises
     InstrumentError, ModelError, SolverError, SessionError or ControlError where it cannot start.
     """
-    return_freed_blocks()
+    return_freed_blocks_at_once()
     hide_notify_socket()
     queue = CommandQueue()
     with contextlib.ExitStack() as stack:
         starting = stack.enter_context(contextlib.ExitStack())
-        starting.enter_context(waits_reported_to(_notify_service_manager))
+        starting.enter_context(report_waits_to(_notify_service_manager))
         # Let go of last of all: a second SIGTERM must not cut the first one's safe end short.
         heed_signals = stack.enter_context(_signals(queue))
         path = settings.socket or default_socket_path()
@@ -117,7 +118,7 @@ def run_engine(
             "continues": None if cut_off is None else str(cut_off),
         }
         writer = SessionWriter.create(folder, config, about, on_fault=log.error)
-        past, past_fault = read_past(is_simulated=instruments.clock.is_simulated)
+        past, past_fault = read_earlier_tracks(is_simulated=instruments.clock.is_simulated)
         if not instruments.clock.is_simulated:
             stack.callback(keep_uncorrelated, folder)  # behind the session's end
         alerts = stack.enter_context(_alerts(config, folder, instruments))  # it tells of the end
@@ -125,13 +126,13 @@ def run_engine(
         engine = Engine(
             config=config,
             instrument_controller=InstrumentController(
-                instruments, config, lambda: queue.is_wanted
+                instruments, config, lambda: queue.is_interrupt_wanted
             ),
             reducer=reducer,
             record=writer,
             queue=queue,
             on_cycle=on_cycle,
-            pixels_of=partial(kept_pixels, folder),
+            pixels_of=partial(recorded_pixels, folder),
             past=past,
         )
         stack.enter_context(WarningsOnRecord(engine.session_log, "rsoconsole.instruments"))
@@ -170,8 +171,8 @@ def run_engine(
         alerts.start(engine.watch.is_loop_alive)
         heed_signals()
         starting.close()
-        notify("READY=1")
-        stack.callback(notify, "STOPPING=1")
+        notify_systemd("READY=1")
+        stack.callback(notify_systemd, "STOPPING=1")
         if on_start is not None:
             on_start(folder)
         if settings.is_armed:
@@ -209,7 +210,7 @@ def _say_faults(engine: Engine, *faults: str | None) -> None:
 
 def _notify_service_manager(words: str) -> None:
     """Extend the service manager's time limit: a slow start is none that hangs."""
-    notify(f"STATUS={words}\nEXTEND_TIMEOUT_USEC={START_AGAIN_US}")
+    notify_systemd(f"STATUS={words}\nEXTEND_TIMEOUT_USEC={START_AGAIN_US}")
 
 
 def _arm(engine: Engine, settings: RunSettings, folder: Path) -> None:
@@ -243,7 +244,9 @@ def _say_outlook(engine: Engine, config: Config, folder: Path, now_ns: int) -> N
 def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
     """Return the last session of this telescope where its engine did not live to close it."""
     try:
-        return cut_off_session(config.session.root, is_simulated=instruments.clock.is_simulated)
+        return find_cut_off_session(
+            config.session.root, is_simulated=instruments.clock.is_simulated
+        )
     except SessionError as error:
         log.warning("%s", error)
         return None
@@ -251,7 +254,7 @@ def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
 
 def _load_ahead(config: Config) -> None:
     """Load in the background what would delay the first frame with two satellites by a second."""
-    if config.filter.uses_bank and config.filter.most_tracks > 1:
+    if config.filter.uses_filter_bank and config.filter.most_tracks > 1:
         name = "scipy.optimize"
         threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
 

@@ -1,8 +1,8 @@
-"""STOP on the wire's thread: answered as soon as the mount's driver has, or with an alarm.
+"""STOP on the wire's thread: answered once the mount's driver has, else an alarm.
 
-What is to become of tracking is seen to on a thread of its own; until that is over the queue counts
-the STOP as under way, and the loop gives no order. How the mount then moves is measured while the
-loop goes on.
+Whether tracking goes on is settled on a separate thread; until then the queue counts the STOP as
+under way, and the loop gives no order. The mount's motion afterwards is measured while the loop
+goes on.
 """
 
 import threading
@@ -29,12 +29,12 @@ def stop_now(
     on_late: Callable[[StopResult], None],
     on_measured: Callable[[StopResult], None],
 ) -> StopResult:
-    """Stop the mount; returns when that is answered, when it has failed, or after ``ALARM_S``.
+    """Stop the mount; return at its answer, at a failure, or after ``ALARM_S``.
 
-    ``on_known`` hears once what came of ABORT, before this returns wherever that is known by then;
-    ``on_late`` how it stands after ``ALARM_S``; ``on_measured``, after both, how the mount is
-    measured to move, each time that this changes. Raises what the mount's port raises, which it
-    should not.
+    ``on_known``: called once with the result of ABORT, before this returns if known by then;
+    ``on_late``: called with the state after ``ALARM_S``; ``on_measured``: called after both, at
+    each change of the mount's measured motion. Raises what the mount's port raises; it should raise
+    nothing.
     """
     known = threading.Event()
     rewriter = threading.Lock()
@@ -82,7 +82,7 @@ def stop_now(
 
 
 def stop_status(given: LastStop, result: StopResult) -> LastStop:
-    """How a STOP stands, for the status."""
+    """Return the state of a STOP, for the status."""
     return replace(
         given,
         ordered_ms=result.ordered_ms,
@@ -118,5 +118,5 @@ def stop_outcome(result: StopResult) -> CommandResult:
 
 
 def ordered_words(ordered_ms: float | None) -> str:
-    """Whether ABORT is on its way."""
+    """Return words on whether ABORT has been ordered, and in what time."""
     return "NOT ordered yet" if ordered_ms is None else f"ordered in {ordered_ms:.0f} ms"

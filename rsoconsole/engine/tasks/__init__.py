@@ -1,1 +1,1 @@
-"""Exposures, slews, parking, limits and the log: what the loop and its watch carry out."""
+"""Tasks of the loop and its watch: exposures, slews, parking, limits and the log."""

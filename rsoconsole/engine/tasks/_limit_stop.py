@@ -41,7 +41,7 @@ class _Ended:
 
 
 class LimitStop:
-    """Gives the orders that end a motion at a limit, and reports their measured results."""
+    """Orders the end of a motion at a limit, and reports the measured result."""
 
     def __init__(self, instruments: Instruments, say: Callable[[Event], None]) -> None:
         """``say``: puts a line on the record, from any thread."""
@@ -63,7 +63,7 @@ class LimitStop:
         return self._parks_since_ns is not None
 
     def forget_motion(self) -> None:
-        """Forget the motion that was to end; a later motion counts as a new one."""
+        """Forget the motion that was to end, so that a later one counts as new."""
         self._how, self._orders = None, 0
 
     def is_due(self, how: How, now_ns: int) -> bool:
@@ -74,11 +74,11 @@ class LimitStop:
         return self._orders < ENOUGH and not 0.0 <= since_s < AGAIN_S
 
     def is_first(self, how: How) -> bool:
-        """True where this kind of motion has not yet been ordered to end."""
+        """Return True where no order to end this kind of motion has been given yet."""
         return how != self._how
 
     def words(self, how: How, *, parks: bool) -> str:
-        """Return the orders that ``end`` gives, in words."""
+        """Return the orders that ``end_motion`` gives, in words."""
         able = self._abilities()
         if how == "slews":
             lacks = "" if able.can_abort else "it knows no ABORT"
@@ -112,7 +112,7 @@ class LimitStop:
         return result
 
     def note_abort(self, now_ns: int) -> None:
-        """Note an ABORT that another part of the engine sends and reports; from any thread."""
+        """Note an ABORT sent and reported by another part of the engine; from any thread."""
         last = self._last
         if last is not None and last[1].how == "slews":
             self._note(now_ns, "slews", is_known=True)

@@ -1,6 +1,6 @@
-"""The mount's motion at one look: measured where possible, else the more cautious assumption.
+"""The mount's motion at one report: measured where possible, else assumed cautiously.
 
-What the driver reports (slewing, tracking, parked) is only a claim. Motions that this program has
+The driver's own states (slewing, tracking, parked) may be wrong. Motions that this program has
 ordered are distinguished from others.
 """
 
@@ -11,14 +11,13 @@ from typing import Literal
 
 from rsoconsole.engine.aim.instrument_controller import FAR_OFF_DEG, NS, Ordered
 from rsoconsole.instruments import SIDEREAL_ARCSEC_S, MountReport
-from rsoconsole.sky import Limits, Pose, Rates, separation_deg, wrap_180
+from rsoconsole.sky import Limits, MountRates, Pose, separation_deg, wrap_180
 
 How = Literal["stands", "tracks", "slews"]
 Own = Literal["slew", "park"]
 
 MOVED_ARCSEC = 200.0
-"""Turn between two looks that counts as a slew: above the coarsest driver's step and a second of
-sky."""
+"""Turn between two looks, arcsec, that counts as a slew: above the coarsest driver's step."""
 LONGEST_APART_S = 10.0
 STARTS_WITHIN_S = 30.0
 """Time after an order within which a mount that follows the order starts to move, s."""
@@ -32,10 +31,10 @@ PARKED_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedMotion:
-    """The mount's motion, as one look found it."""
+    """The mount's motion at one report: its kind, and its rates during a slew."""
 
     how: How
-    rates: Rates | None = None
+    rates: MountRates | None = None
     """Rates of the axes during a slew; None where they are not known."""
 
 
@@ -60,7 +59,7 @@ def observed_motion(report: MountReport, before: MountReport | None) -> Observed
     if motion.kind == "moves":
         if not motion.is_fast:
             return ObservedMotion(how="tracks")
-        rates = Rates(
+        rates = MountRates(
             ra_deg_s=motion.ra_rate_arcsec_s / 3600.0, dec_deg_s=motion.dec_rate_arcsec_s / 3600.0
         )
         return ObservedMotion(how="slews", rates=rates)
@@ -72,14 +71,14 @@ def observed_motion(report: MountReport, before: MountReport | None) -> Observed
     return ObservedMotion(how="tracks" if report.is_tracking else "stands")
 
 
-def _rates_between(before: MountReport | None, report: MountReport) -> Rates | None:
+def _rates_between(before: MountReport | None, report: MountReport) -> MountRates | None:
     """Return the rates between two looks; None where they do not show a slew."""
     if before is None:
         return None
     apart_s = (report.t_utc_ns - before.t_utc_ns) / NS
     if not 0.2 <= apart_s <= LONGEST_APART_S or _turned_arcsec(before, report) <= MOVED_ARCSEC:
         return None
-    return Rates(
+    return MountRates(
         ra_deg_s=wrap_180(report.ra_icrs_deg - before.ra_icrs_deg) / apart_s,
         dec_deg_s=(report.dec_icrs_deg - before.dec_icrs_deg) / apart_s,
     )
@@ -106,8 +105,8 @@ class OwnMotion:
         self._last: Pose | None = None
         self._is_over = False
 
-    def note(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
-        """Note one look at the mount."""
+    def update(self, report: MountReport, pose: Pose, seen: ObservedMotion) -> None:
+        """Process one report of the mount."""
         ordered = self._ordered()
         if ordered is not self._of:
             last = self._last
@@ -129,7 +128,7 @@ class OwnMotion:
             self._is_over = since_s > PARKS_WITHIN_S
 
     def kind(self, pose: Pose, seen: ObservedMotion, limits: Limits) -> Own | None:
-        """Return the order that a slew carries out; None where it is not this program's."""
+        """Return which order a slew carries out; None where this program did not order it."""
         ordered, start = self._of, self._start
         if ordered is None or start is None or self._is_over:
             return None
@@ -137,20 +136,20 @@ class OwnMotion:
             return "park"
         if 0 <= pose.t_utc_ns - ordered.t_utc_ns < TURNS_WITHIN_S * NS:
             return "slew"
-        is_own = limits.is_on_its_way(start, ordered.to_icrs_deg, pose, seen.rates)
+        is_own = limits.is_on_slew_path(start, ordered.to_icrs_deg, pose, seen.rates)
         return "slew" if is_own else None
 
 
 class ParkedMotion:
-    """Measures whether a mount that reports to be parked is at rest."""
+    """Detects motion of a mount that reports to be parked."""
 
     def __init__(self) -> None:
         self._looks: deque[MountReport] = deque()
         """Reports of the last seconds since the mount has reported to be parked."""
         self._since_ns = 0
 
-    def see(self, report: MountReport) -> Literal["tracks", "moves"] | None:
-        """Return how a parked mount moves, by its last reports.
+    def motion_while_parked(self, report: MountReport) -> Literal["tracks", "moves"] | None:
+        """Process a report; return how a parked mount moves.
 
         None where the mount rests, is not parked, or was not observed for long enough.
         """

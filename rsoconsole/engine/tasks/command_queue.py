@@ -10,13 +10,13 @@ from rsoconsole.control import IN_ENGINE, Request
 from rsoconsole.engine.aim.states import LimitMet, NightEnded, Stopped, Trigger
 from rsoconsole.instruments import StopResult
 from rsoconsole.records import CommandResult, OperatorAction
-from rsoconsole.words import ordered_text, text
+from rsoconsole.words import stop_order_text, text
 
 OVERTAKEN = CommandResult(kind="dropped", dropped_by="STOP")
 
 
 class OvertakenError(ValueError):
-    """STOP came after a command was given, and before the command was queued."""
+    """A refusal of a command, because STOP was given before it could be queued."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +25,7 @@ class Alarm:
 
     trigger: Trigger
     result: StopResult | None = None
-    """The mount's answer, where its motion was ended before the loop took notice; None where it was
-    not, or where that failed."""
+    """Mount's answer, if its motion was ended before the loop took notice; None: not, or failed."""
     dropped: tuple[Request, ...] = ()
     """Commands that were waiting when the alarm came, and that it cancels."""
 
@@ -47,7 +46,6 @@ class CommandQueue:
         self._are_under_way = False
         self._is_executing = False
         self._cut_by: Trigger | None = None
-        """The last alarm's trigger."""
         self._is_shutdown = False
 
     def put(self, request: Request, on_taken: Callable[[], None] = lambda: None) -> None:
@@ -66,7 +64,7 @@ class CommandQueue:
     def take_all(self) -> tuple[Request, ...]:
         """Return all waiting requests in order, and empty the queue.
 
-        They count as under way until ``finished`` or ``put_back`` is called.
+        They count as under way until ``mark_finished`` or ``put_back`` is called.
         """
         with self._lock:
             requests = tuple(self._waiting)
@@ -74,7 +72,7 @@ class CommandQueue:
             self._are_under_way = bool(requests)
         return requests
 
-    def finished(self) -> None:
+    def mark_finished(self) -> None:
         """Note that all requests from the last ``take_all`` have their results."""
         self._are_under_way = False
 
@@ -97,7 +95,7 @@ class CommandQueue:
             dropped = self._undo_waiting(trigger)
         # Their records come with the alarm; who waits for them hears it now.
         for request in dropped:
-            request.course.settle(dropped_by(trigger))
+            request.course.settle(cancelled_result(trigger))
         result: StopResult | None = None
         try:
             result = abort()
@@ -109,39 +107,41 @@ class CommandQueue:
         return result
 
     def interrupt(self, trigger: Trigger) -> None:
-        """Raise an alarm without stopping the mount, for the loop to act on; from any thread."""
+        """Raise an alarm for the loop without stopping the mount; from any thread."""
         with self._lock:
             self._cut_by = trigger
             # What came of a STOP undoes nothing that was given after it.
             dropped = () if isinstance(trigger, Stopped) else self._undo_waiting(trigger)
             self._alarms.append(Alarm(trigger=trigger, dropped=dropped))
         for request in dropped:
-            request.course.settle(dropped_by(trigger))
+            request.course.settle(cancelled_result(trigger))
 
     def _undo_waiting(self, trigger: Trigger) -> tuple[Request, ...]:
         """Remove and return the waiting requests that a trigger cancels; call it under the lock."""
-        undone = tuple(r for r in self._waiting if is_undone(r, trigger))
+        undone = tuple(r for r in self._waiting if is_cancelled_by(r, trigger))
         self._waiting = deque(r for r in self._waiting if r not in undone)
         return undone
 
     def put_back(self, requests: tuple[Request, ...]) -> tuple[tuple[Request, ...], CommandResult]:
-        """Put requests that were not executed back into the queue, ahead of all others.
+        """Put requests that were not executed back at the head of the queue.
 
-        Returns the requests that an alarm cancels instead, and the result of those.
+        Returns those that an alarm cancels instead, and the result that they get.
         """
         with self._lock:
             cut_by = self._cut_by if self.is_stopping else None
-            dropped = tuple(r for r in requests if cut_by is not None and is_undone(r, cut_by))
+            dropped = tuple(
+                r for r in requests if cut_by is not None and is_cancelled_by(r, cut_by)
+            )
             again = [r for r in requests if r not in dropped]
             for request in again:
                 request.course.is_begun = False
             self._waiting.extendleft(reversed(again))
             self._are_under_way = False
-        return dropped, OVERTAKEN if cut_by is None else dropped_by(cut_by)
+        return dropped, OVERTAKEN if cut_by is None else cancelled_result(cut_by)
 
     @contextlib.contextmanager
-    def executing(self) -> Iterator[None]:
-        """While entered, urgent commands do not interrupt the loop; STOP and alarms still do."""
+    def while_executing(self) -> Iterator[None]:
+        """Keep urgent commands from interrupting the loop while entered; alarms still do."""
         self._is_executing = True
         try:
             yield
@@ -170,7 +170,7 @@ class CommandQueue:
         return self._is_shutdown
 
     @property
-    def is_wanted(self) -> bool:
+    def is_interrupt_wanted(self) -> bool:
         """True where the loop is to interrupt its work and look at the queue."""
         if self._is_shutdown or self.is_stopping:
             return True
@@ -188,14 +188,14 @@ def action_record(request: Request, outcome: CommandResult) -> OperatorAction:
     )
 
 
-def is_undone(request: Request, trigger: Trigger) -> bool:
-    """True where an alarm with this trigger cancels a command that has not been executed."""
+def is_cancelled_by(request: Request, trigger: Trigger) -> bool:
+    """Return True where an alarm with this trigger cancels a waiting command."""
     if isinstance(trigger, Stopped):
         return not request.command.survives_stop
     return request.command.moves_mount
 
 
-def dropped_by(trigger: Trigger) -> CommandResult:
+def cancelled_result(trigger: Trigger) -> CommandResult:
     """Return the result of a waiting command that an alarm with this trigger has cancelled."""
     if isinstance(trigger, Stopped):
         return OVERTAKEN
@@ -215,7 +215,7 @@ def alarm_words(alarm: Alarm, is_answered_again: bool) -> str:
     if isinstance(trigger, NightEnded):
         return f"the night ends: {trigger.words}; armed again only when asked"
     result = alarm.result
-    times = ordered_text(None if result is None else result.ordered_ms, ", {}")
+    times = stop_order_text(None if result is None else result.ordered_ms, ", {}")
     if isinstance(trigger, Stopped) and not trigger.is_obeyed:
         return f"STOP: {trigger.words}"
     if not (is_answered_again or (result is not None and result.is_answered)):

@@ -8,7 +8,12 @@ from dataclasses import dataclass
 from typing import NoReturn
 
 from rsoconsole.config import Config
-from rsoconsole.engine.aim.instrument_controller import NS, InstrumentController, Interrupted, Plan
+from rsoconsole.engine.aim.instrument_controller import (
+    NS,
+    AimPlan,
+    InstrumentController,
+    Interrupted,
+)
 from rsoconsole.engine.aim.plan import Planner
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
@@ -84,7 +89,7 @@ class FrameTimes:
 
 
 class Exposures:
-    """Takes exposures: makes a frame on record from a plan."""
+    """Takes planned exposures, and records their frames."""
 
     def __init__(
         self,
@@ -95,7 +100,6 @@ class Exposures:
         config: Config,
     ) -> None:
         self.frame_id = 0
-        """Number of the exposure begun last."""
         self.next_start_utc_ns: int | None = None
         """Time at which the next exposure is to begin, UTC ns; None: not known, or shutter open."""
         self.open_until_utc_ns: int | None = None
@@ -113,7 +117,7 @@ class Exposures:
         """Use a new configuration from now on."""
         self._config = config
 
-    def take(self, plan: Plan) -> tuple[Frame, float]:
+    def take(self, plan: AimPlan) -> tuple[Frame, float]:
         """Take an exposure; return the frame, and the time since its last byte came, ms.
 
         Where sidereal tracking would meet a limit before the exposure's end, tracking is stopped
@@ -160,15 +164,15 @@ class Exposures:
             )
             raise Interrupted
 
-    def pass_readout_time(self, frame: Frame) -> None:
-        """In a simulated night, let the time of the read-out pass, by the number of pixels read."""
+    def simulate_readout_time(self, frame: Frame) -> None:
+        """Let the time of the read-out pass in a simulated night, by the number of pixels."""
         optics, share = self._config.optics, 1.0
         if frame.camera is not None:
             share = frame.width_px * frame.height_px / (optics.width_px * optics.height_px)
         self._pass(min(share, 1.0) * self._config.exposure.readout_s)
 
-    def pass_processing_time(self) -> None:
-        """In a simulated night, let the time of the processing pass."""
+    def simulate_processing_time(self) -> None:
+        """Let the time of the processing pass in a simulated night."""
         self._pass(self._config.indi.simulated_latency_s)
 
     def _pass(self, pause_s: float) -> None:

@@ -1,4 +1,4 @@
-"""Present faults in words, and what ends them: orders, finished frames, the mount's answer."""
+"""The present faults in words; an order, a finished frame or the mount's answer ends them."""
 
 from rsoconsole.engine.aim.states import Authority, Stopped
 from rsoconsole.engine.tasks.watch import Watch
@@ -32,14 +32,14 @@ class Faults:
         self._was_blind, self._stop = False, None
 
     def add_disobeyed_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
-        """Note that the mount did not obey a STOP: a fault until it is measured to be at rest.
+        """Add a STOP that the mount did not obey; it stays a fault until the mount rests.
 
-        ``words``: the fault, in place of all others.
+        ``words``: the fault, which replaces all others.
         """
         self._words, self._stop = [words], (stopped, now_utc_ns)
 
     def take_stop(self, watch: Watch) -> Stopped | None:
-        """Return the STOP that was not obeyed, once the mount is measured at rest; else None."""
+        """Return a disobeyed STOP once the mount is measured at rest, and drop it; else None."""
         report = watch.last_report
         if self._stop is None or watch.is_blind or report is None:
             return None

@@ -1,10 +1,10 @@
-"""The tracks at one instant, as the status shows them, and the next aim for them."""
+"""The present tracks as the status shows them, and the aim of a later exposure at them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config, FilterConfig
-from rsoconsole.control import NextAim, TrackNow
+from rsoconsole.control import NextAim, TrackStatus
 from rsoconsole.engine.aim.states import Authority
 from rsoconsole.pipeline import FrameObservations, kept_until_utc_ns, tracks_inside
 from rsoconsole.records import Measurement
@@ -18,15 +18,14 @@ class AimAhead:
 
     aim: NextAim
     inside: frozenset[int]
-    """Numbers of the tracks that are in the field of the aim."""
 
 
 def aim_ahead(
     ahead: tuple[NextAim, tuple[float, float]] | None, following: Following, config: Config
 ) -> AimAhead | None:
-    """Return the planner's next aim with the tracks in its field; None where ``ahead`` is None.
+    """Return the aim of a later exposure, with the tracks in its field.
 
-    ``ahead``: the aim, and the lead track's direction at that time, ICRS degrees.
+    ``ahead``: that aim, and the lead track's direction then, ICRS degrees; None gives None.
     """
     if ahead is None:
         return None
@@ -51,7 +50,7 @@ def tracks_now(
     shown_of: Callable[[int], FrameObservations],
     now_utc_ns: int,
     ahead: AimAhead | None,
-) -> tuple[TrackNow, ...]:
+) -> tuple[TrackStatus, ...]:
     """Return all tracks as they are after their last frames, in the order of their numbers.
 
     ``names``: names of identified tracks, by track id. ``shown_of``: returns the observations of a
@@ -63,7 +62,7 @@ def tracks_now(
         track, taken = each.track, each.taken
         is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
         residual = None if track.misses else track.innovation_arcsec
-        now = TrackNow(
+        now = TrackStatus(
             track_id=track.track_id,
             name=names.get(track.track_id),
             is_lead=track.is_lead,

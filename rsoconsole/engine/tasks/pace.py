@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.base import ConfigError
-from rsoconsole.config import Config, every_setting, unknown_setting, with_setting
+from rsoconsole.config import Config, every_setting, unknown_setting_words, with_setting
 from rsoconsole.records import ParameterChange, TrackState
 from rsoconsole.tracking import sky_rate_arcsec_s
 
@@ -36,7 +36,6 @@ _BY_SECTION = {
     ),
 }
 TUNABLE = {f"{section}.{key}" for section, keys in _BY_SECTION.items() for key in keys}
-"""Names of the settings that may change while the loop runs."""
 
 
 def config_with_setting(config: Config, name: str, value: float | str) -> Config:
@@ -60,7 +59,7 @@ def check_tunable(name: str) -> None:
             f"{name} does not change while the engine runs: write it into the configuration file"
             " and start the engine again"
         )
-    raise ValueError(unknown_setting(name, sorted(TUNABLE)))
+    raise ValueError(unknown_setting_words(name, sorted(TUNABLE)))
 
 
 def change_record(before: Config, after: Config, name: str, by: str) -> ParameterChange:
@@ -71,7 +70,7 @@ def change_record(before: Config, after: Config, name: str, by: str) -> Paramete
 
 
 def value_of(config: Config, name: str) -> Any:
-    """Return the value of a setting by its dotted name."""
+    """Return a setting's value; ``name``: its section and key, with a dot."""
     return attrgetter(name)(config)
 
 
@@ -87,7 +86,7 @@ FARTHEST_FIELDS = 0.5
 EXPOSURE, CADENCE = "exposure.exposure_s", "exposure.cadence_s"
 
 
-def pace_for(rate_arcsec_s: float, config: Config) -> tuple[float, float]:
+def exposure_and_cadence_for(rate_arcsec_s: float, config: Config) -> tuple[float, float]:
     """Return exposure and cadence, s, for a rate on the sky.
 
     They are the configured ones where the streak's length and its path between exposures allow it.
@@ -104,7 +103,7 @@ def pace_for(rate_arcsec_s: float, config: Config) -> tuple[float, float]:
     if exposure_s != exposure.exposure_s:
         shortest_s = min(exposure.shortest_s, exposure.exposure_s)
         longest_s = max(exposure.longest_s, exposure.exposure_s)
-        exposure_s = min(max(two_digits(exposure_s), shortest_s), longest_s)
+        exposure_s = min(max(round_to_two_digits(exposure_s), shortest_s), longest_s)
     return exposure_s, _cadence_s(rate_arcsec_s, exposure_s, config)
 
 
@@ -121,8 +120,8 @@ def _cadence_s(rate_arcsec_s: float, exposure_s: float, config: Config) -> float
     return cadence_s if cadence_s == exposure.cadence_s else round(cadence_s, 1)
 
 
-def two_digits(value_s: float) -> float:
-    """Return a value rounded to two significant digits, as an operator would choose it."""
+def round_to_two_digits(value_s: float) -> float:
+    """Return a value rounded to two significant digits."""
     return float(np.format_float_positional(value_s, precision=2, fractional=False))
 
 
@@ -152,10 +151,10 @@ class Pace:
             return self._changed_to(config, dict(self._before), "the end of the track")
         if self._is_left_alone or track.innovations < 1:
             return config, ()
-        base = self.of_night(config)
+        base = self.config_before_track(config)
         east, north = sky_rate_arcsec_s(track)
         rate = float(np.hypot(east, north))
-        values = dict(zip((EXPOSURE, CADENCE), pace_for(rate, base), strict=True))
+        values = dict(zip((EXPOSURE, CADENCE), exposure_and_cadence_for(rate, base), strict=True))
         apart = {
             name: value
             for name, value in values.items()
@@ -164,7 +163,7 @@ class Pace:
         }
         return self._changed_to(config, apart, f"the track's {rate:.0f} arcsec/s")
 
-    def of_night(self, config: Config) -> Config:
+    def config_before_track(self, config: Config) -> Config:
         """Return the configuration with exposure and cadence as before the track."""
         for name, value in self._before.items():
             if value_of(config, name) == self._own.get(name):
@@ -205,7 +204,7 @@ class _Loan:
 
 
 class TemporarySettings:
-    """Remembers settings that were changed for a number of frames only."""
+    """The settings that were changed for a number of frames only, with their former values."""
 
     def __init__(self, of_night: Callable[[Config], Config] = lambda config: config) -> None:
         """``of_night``: returns a configuration without the changes made for a track."""
@@ -223,10 +222,10 @@ class TemporarySettings:
         self._loans[name] = _Loan(before=before, frames=frames)
 
     def keep(self, name: str) -> None:
-        """Note that a setting was changed for good, so that it is not set back."""
+        """Make a temporary setting permanent, so that it is not restored."""
         self._loans.pop(name, None)
 
-    def left(self) -> dict[str, int]:
+    def frames_left(self) -> dict[str, int]:
         """Return the number of frames left for each temporary setting, by name."""
         return {name: loan.frames for name, loan in dict(self._loans).items()}
 

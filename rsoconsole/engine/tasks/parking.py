@@ -11,7 +11,7 @@ ENOUGH = 20
 
 
 class Parking:
-    """A request to park, which lasts until the mount reports that it is parked."""
+    """A request to park, which lasts until the mount is parked or the request is ended."""
 
     def __init__(
         self, instrument_controller: InstrumentController, session_log: SessionLog
@@ -19,19 +19,17 @@ class Parking:
         self._instrument_controller = instrument_controller
         self._session_log = session_log
         self.is_wanted = False
-        """True while the mount is to be parked and is not parked yet."""
         self.trouble = ""
         """Reason why the mount does not park; empty where it has accepted the last order."""
         self._orders = 0
         self._next_utc_ns = 0
         """Time before which no further order and no report goes out, UTC ns."""
         self._is_silent = False
-        """True where the mount did not answer at the last look."""
 
     def want(self) -> None:
         """Request a park.
 
-        The order goes out at the next ``see_to_it``, unless the mount moves to its park position
+        The order is given at the next ``see_to_it``, unless the mount is on its way to park
         already.
         """
         self.is_wanted, self._orders, self._next_utc_ns = True, 0, 0
@@ -42,7 +40,7 @@ class Parking:
         self.is_wanted = self._is_silent = False
 
     def see_to_it(self) -> None:
-        """Look at the mount once and give the order to park where that is due; never raises."""
+        """Read the mount's report and order the park where that is due; never raises."""
         if not self.is_wanted:
             return
         now_ns = self._instrument_controller.now_utc_ns()

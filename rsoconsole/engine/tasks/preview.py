@@ -12,8 +12,7 @@ from rsoconsole.tracking import Following
 
 LONG_SIDE_PX = 466
 STEPS = 0xF8
-"""Mask of the grey levels kept of 256: steps of a third of the noise's sigma, a third of the
-disk."""
+"""Mask of the grey levels kept of 256: steps of a third of the noise's sigma."""
 CLOSEUP_PX = (256, 192)
 """Columns and rows of a close-up: it shows a geostationary streak of 10 s and sky around it."""
 
@@ -31,7 +30,7 @@ def preview_of(pixels: PixelArray) -> npt.NDArray[np.uint8]:
     return _stretched(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA))
 
 
-class PlacesOfInterest:
+class CloseupPlaces:
     """Chooses the pixel position of a frame's close-up.
 
     It is on the lead track's streak, else where the lead track was predicted, else on the likeliest
@@ -47,7 +46,7 @@ class PlacesOfInterest:
     ) -> tuple[float, float] | None:
         """Return the position (x, y; px) of a frame's close-up; None: there is nothing to show."""
         wcs = self._plate_of(frame, reduction)
-        found, taken, track = reduction.detections, following.taken, following.track
+        found, taken, track = reduction.detections, following.lead_measured, following.track
         if taken is not None and taken.frame_id == found.frame_id:
             return taken.x_px, taken.y_px
         if track is not None and wcs is not None:
@@ -75,7 +74,7 @@ class PlacesOfInterest:
         )
 
 
-def closeup_of(
+def cut_closeup(
     pixels: PixelArray, x_px: float, y_px: float
 ) -> tuple[tuple[int, int], npt.NDArray[np.uint8]]:
     """Return a piece of the frame around a position, at full resolution.

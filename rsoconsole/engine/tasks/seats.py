@@ -25,8 +25,8 @@ class SeatView:
     asked_by: Sender | None
 
 
-class Seats:
-    """Keeps which console has control; called from the wire's threads."""
+class ConsoleControl:
+    """The console in control, and requests for control; used from the wire's threads."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
@@ -39,7 +39,7 @@ class Seats:
     def refusal(self, who: Sender, *, needs_control: bool) -> str | None:
         """Return why a sender may not act now; None where it may.
 
-        A console that may act, and needs control for its command, gets control by that.
+        A console whose command needs control is given control, where no other console has it.
         """
         if who.kind != "console":
             return None
@@ -65,7 +65,7 @@ class Seats:
                 self._asked_by, self._asked_s = who, self._now_s()
             return f"{seat_name(self._holder)} is asked; yours in {ASKED_S:.0f} s at the latest"
 
-    def answer(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
+    def answer_request(self, who: Sender, *, gives: bool, to: str | None = None) -> str:
         """Give control to the console that requests it, or refuse; return the outcome in words.
 
         ``to``: the console that is meant; None: any that requests control. Raises ValueError where

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.engine.tasks.preview import closeup_of, preview_of
-from rsoconsole.pipeline import Past, keep_night
+from rsoconsole.engine.tasks.preview import cut_closeup, preview_of
+from rsoconsole.pipeline import Past, keep_unknown_tracks
 from rsoconsole.records import Closeup, Event, Frame, Record, Topic
 from rsoconsole.session import SessionWriter, damage_words, ledger_path, read_ledger
 
@@ -32,7 +32,6 @@ class SessionLog:
         self._now_utc_ns = now_utc_ns
         self._seen_utc_ns = 0
         self.frame_id = 0
-        """Number of the exposure to which log lines belong."""
 
     def append(self, record: Record) -> None:
         """Append one record."""
@@ -41,7 +40,7 @@ class SessionLog:
             self._on_record(record)
 
     def say(self, level: Literal["info", "warning", "alarm"], text: str, topic: Topic = "") -> None:
-        """Put a line for the operator on record and into the program's log."""
+        """Record a line for the operator, and write it to the program's log."""
         self.append(Event(level=level, text=text, frame_id=self.frame_id, topic=topic))
         log.log(_LOG_LEVELS[level], "%s", text)
 
@@ -63,7 +62,7 @@ class SessionLog:
             self._record.save_frame(frame)
         self._record.save_preview(frame.frame_id, preview_of(frame.pixels))
         if place_px is not None:
-            (x0_px, y0_px), picture = closeup_of(frame.pixels, *place_px)
+            (x0_px, y0_px), picture = cut_closeup(frame.pixels, *place_px)
             height_px, width_px = picture.shape
             self.append(
                 Closeup(
@@ -110,7 +109,7 @@ class WarningsOnRecord(logging.Handler):
         )
 
 
-def read_past(*, is_simulated: bool) -> tuple[Past | None, str | None]:
+def read_earlier_tracks(*, is_simulated: bool) -> tuple[Past | None, str | None]:
     """Return uncorrelated tracks of earlier nights, and why they could not be read, in words.
 
     Each is None where there is none.
@@ -130,7 +129,7 @@ def keep_uncorrelated(folder: Path) -> None:
     Never raises: the night is over, and `identify --keep` can do it later.
     """
     try:
-        kept = keep_night(folder)
+        kept = keep_unknown_tracks(folder)
     except RsoconsoleError as error:
         log.error(
             "no track was kept in the ledger: %s; do it by 'identify %s --keep'", error, folder

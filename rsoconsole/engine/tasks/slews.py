@@ -6,8 +6,8 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.aim.instrument_controller import (
     FAR_OFF_DEG,
     POLL_NS,
+    AimPlan,
     InstrumentController,
-    Plan,
     StoppedElsewhere,
 )
 from rsoconsole.engine.aim.plan import Planner
@@ -15,7 +15,7 @@ from rsoconsole.engine.tasks._observed_motion import pose_of
 from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import MountReport
-from rsoconsole.pipeline import slew_to
+from rsoconsole.pipeline import slew_command
 from rsoconsole.records import SlewCommand, SlewRefusal
 from rsoconsole.sky import LimitName, separation_deg
 from rsoconsole.tracking import Following
@@ -23,7 +23,7 @@ from rsoconsole.words import text
 
 
 class NowhereError(RsoconsoleError):
-    """No place of the search is allowed by the limits."""
+    """The limits allow no field of the search."""
 
     def __init__(self, words: str, *, is_dawn: bool) -> None:
         super().__init__(words)
@@ -48,12 +48,12 @@ class Slews:
         self._commanded: tuple[SlewCommand, tuple[float, float]] | None = None
         """The last slew ordered, and the direction commanded to the mount for it."""
 
-    def order_next(self, following: Following, *, is_held: bool) -> Plan:
-        """Plan the next exposure and order its slew; the mount is on its way when this returns.
+    def order_next(self, following: Following, *, is_held: bool) -> AimPlan:
+        """Plan the next exposure and order its slew; return while the mount is on its way.
 
-        ``is_held``: the operator's hold is on, so that no slew is ordered. Raises NowhereError when
-        no place of the search is left, StoppedElsewhere when somebody else has moved the mount,
-        Interrupted instead of moving the mount.
+        ``is_held``: the operator's hold is on, so that no slew is ordered. Raises
+        NoAllowedFieldError when no field of the search is left, MountMovedByOthers when somebody
+        else has moved the mount, Interrupted instead of moving the mount.
         """
         self._expect_mount_where_left(self._instrument_controller.mount_report())
         plan = self._planner.plan(
@@ -72,11 +72,11 @@ class Slews:
         self._order(plan.slew)
         return plan
 
-    def order(self, plan: Plan, *, t_until_utc_ns: int) -> SlewRefusal | None:
-        """Order a plan's slew unless a limit forbids it; return that limit, else None.
+    def order(self, plan: AimPlan, *, t_until_utc_ns: int) -> SlewRefusal | None:
+        """Order a plan's slew unless a limit forbids it; return that refusal, else None.
 
-        ``t_until_utc_ns``: how long the telescope will stay there. Raises StoppedElsewhere when
-        somebody else has moved the mount, Interrupted instead of moving the mount.
+        ``t_until_utc_ns``: end of the stay there. Raises MountMovedByOthers when somebody else has
+        moved the mount, Interrupted instead of moving it.
         """
         if plan.slew is None:
             return None
@@ -97,13 +97,13 @@ class Slews:
         """Forget the slew that was ordered, because autonomy no longer has control of the mount."""
         self._commanded = None
 
-    def finish(
-        self, plan: Plan, *, is_held: bool, poll_ns: int = POLL_NS, settle_s: float | None = None
+    def wait_for_slew(
+        self, plan: AimPlan, *, is_held: bool, poll_ns: int = POLL_NS, settle_s: float | None = None
     ) -> bool:
-        """Wait until the mount is where the plan wants it; True when the last plate is void.
+        """Wait until the plan's slew is done; return True where the last plate solution is void.
 
         ``is_held``: the operator's hold is on; ``settle_s``: time to settle after the arrival, s,
-        None for the configured time. Raises StoppedElsewhere when somebody else has moved or
+        None for the configured time. Raises MountMovedByOthers when somebody else has moved or
         stopped the mount, InstrumentError when it does not arrive.
         """
         if plan.slew is not None:
@@ -118,7 +118,7 @@ class Slews:
                 *to, poll_ns=poll_ns, settle_s=settle_s
             )
             self._commanded = None
-            return self._planner.arrived(slew, report, to)
+            return self._planner.note_arrival(slew, report, to)
         report = self._instrument_controller.mount_report()
         if report.is_slewing or self._commanded is not None:
             # A hold came while the loop's own slew was under way, or somebody set the clock. The
@@ -142,11 +142,11 @@ class Slews:
         if off_deg > FAR_OFF_DEG:
             raise StoppedElsewhere(f"the mount stands {off_deg:.1f} deg from where it was left")
 
-    def refuse_direction(
+    def direction_refusal(
         self, direction: tuple[float, float], now_utc_ns: int
     ) -> SlewRefusal | None:
         """Return why the telescope must not look at a direction now; None when it may."""
-        command = self._planner.command(slew_to(0, direction, now_utc_ns, ""))
+        command = self._planner.command(slew_command(0, direction, now_utc_ns, ""))
         return self.refusal(command, now_utc_ns, now_utc_ns)
 
     def refusal(

@@ -1,8 +1,8 @@
-"""Looks at the mount once a second, whatever moves it, and ends motions that are not allowed.
+"""Checks the mount once a second, whatever moves it, and ends forbidden motions.
 
-On a real telescope this runs on a thread of its own, so that it goes on while the loop waits for a
+On a real telescope this runs on a separate thread, so that it goes on while the loop waits for a
 solver or a camera. Under simulation, time passes only while the loop waits, so that the loop itself
-looks at every step of a wait. The watch acts first and informs the loop afterwards.
+makes the check at every step of a wait. The watch acts first and informs the loop afterwards.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import Ordered
 from rsoconsole.engine.aim.night import NightEnd, night_end, overrides_still_needed
 from rsoconsole.engine.aim.states import LimitMet, NightEnded
-from rsoconsole.engine.machine.machine import notify
+from rsoconsole.engine.machine.machine import notify_systemd
 from rsoconsole.engine.tasks._limit_stop import LimitStop
 from rsoconsole.engine.tasks._observed_motion import (
     How,
@@ -39,7 +39,6 @@ log = logging.getLogger(__name__)
 NS = 1_000_000_000
 EVERY_S = 1.0
 SILENCE_S = 5.0
-"""How long a look waits for the mount's report, s."""
 AHEAD_S = 6 * 3600.0
 FORECAST_HOLDS_NS = 300 * NS
 LATEST_S = 10.0
@@ -47,15 +46,14 @@ LATEST_S = 10.0
 MOVED_DEG = 0.05
 STOOD_STILL_S = 5.0
 LOOP_SILENCE_S = 180.0
-"""Silence after which the loop counts as hanging, s; longer than camera, solver or mount keep it
-waiting with the usual time limits."""
+"""Silence after which the loop counts as hanging, s; longer than the usual time limits."""
 LIFTS: dict[str, LimitName] = {"sun": "twilight"}
 """The limit that is lifted by overriding an arming check, by the check's name."""
 ALL_BUT_SUN: tuple[LimitName, ...] = ("altitude", "horizon", "hour angle", "pier", "twilight")
 
 
 class Watch:
-    """Watches mount, sky and loop: ``look`` once, ``running`` every second."""
+    """Watches mount, sky and loop: ``look``, or every second within ``running``."""
 
     def __init__(
         self,
@@ -74,7 +72,6 @@ class Watch:
         self._queue = queue
         self._say = say
         self.limits = Limits(config.site.to_site(), config.limits, config.mount)
-        """The limits that every slew and every position is checked against."""
         self.lifted: frozenset[str] = frozenset()
         """Checks that the operator has overridden by name, as long as their reason stands."""
         self._is_responsible = False
@@ -83,9 +80,7 @@ class Watch:
         self._said: dict[str, str] = {}
         self._forecast_of: tuple[MountReport, frozenset[LimitName]] | None = None
         self.last_report: MountReport | None = None
-        """The mount's report at the last look."""
         self.is_blind = False
-        """True where the mount did not answer at the last look."""
         self._last_pose: Pose | None = None
         self._rested: Pose | None = None
         """Pose at the last look before it began to slew."""
@@ -119,7 +114,7 @@ class Watch:
 
     @contextlib.contextmanager
     def running(self) -> Iterator[None]:
-        """While entered, look at 1 Hz on a thread; under simulation the loop looks instead."""
+        """Check once a second on a thread while entered; under simulation the loop checks."""
         if self._instruments.clock.is_simulated:
             yield
             return
@@ -141,13 +136,13 @@ class Watch:
             looked_s = time.monotonic()
 
     def loop_is_alive(self) -> None:
-        """Note that the loop is alive, at every step of a wait; under simulation also look."""
+        """Note a sign of life of the loop, at every step of a wait; under simulation check, too."""
         self._loop_alive_s = time.monotonic()
         if self._instruments.clock.is_simulated:
             self.look()
 
     def look(self) -> None:
-        """Look once at loop, weather and mount, and end motions not allowed; never raises."""
+        """Check loop, weather and mount once, and end motions not allowed; never raises."""
         try:
             self._look_at_the_loop()
             now_ns = self._instruments.clock.now_utc_ns()
@@ -164,21 +159,24 @@ class Watch:
             self._say_once("watch", "alarm", "the watch over the limits broke: see the log")
 
     def is_loop_alive(self) -> bool:
-        """True while the loop has given a sign of late; may be called from any thread."""
+        """Return True while the loop has recently given a sign of life; from any thread."""
         silent_s = time.monotonic() - self._loop_alive_s
-        frame_s, again_s = self._config.exposure.frame_timeout_s, self._config.waits.connected_s
+        frame_s, again_s = (
+            self._config.exposure.frame_timeout_s,
+            self._config.waits.longest_connection_s,
+        )
         return silent_s < max(LOOP_SILENCE_S, 2.0 * frame_s, frame_s + again_s)
 
     def _look_at_the_loop(self) -> None:
         if self.is_loop_alive():
-            notify("WATCHDOG=1")
+            notify_systemd("WATCHDOG=1")
             self._said.pop("loop", None)
             return
         words = "the loop hangs: frames have ended, the limits are still watched; restart it"
         self._say_once("loop", "alarm", words)
 
     def limit_before(self, t_utc_ns: int) -> Refusal | None:
-        """Return the limit that sidereal tracking meets before an instant; None: none."""
+        """Return the limit that sidereal tracking meets before an instant; None without one."""
         if self.next_limit is None or self.next_limit[0] > t_utc_ns:
             return None
         return self.next_limit[1]
@@ -211,7 +209,7 @@ class Watch:
         self._queue.stop(LimitMet(words=f"{words}; {done}"), end)
 
     def abort_ordered(self) -> None:
-        """Note that a STOP sends ABORT now, to learn from it how far this mount needs to stop."""
+        """Note that a STOP sends ABORT now, so that the stopping distance can be learned."""
         self._stop.note_abort(self._instruments.clock.now_utc_ns())
 
     def _held_lifted(self) -> frozenset[LimitName]:
@@ -261,7 +259,7 @@ class Watch:
         report = mount.report(not_before, SILENCE_S)
         before, self.last_report = self.last_report, report
         pose, seen = pose_of(report), observed_motion(report, before)
-        self._own.note(report, pose, seen)
+        self._own.update(report, pose, seen)
         if (ordered := self._ordered()) is not None:
             self._stop.forget_park(ordered.t_utc_ns)
         self._stop.look(report, pose, seen, is_heeded=not self._queue.is_stopping)
@@ -292,7 +290,7 @@ class Watch:
         Some drivers report it as soon as they have the order. True where it moves or tracks: it is
         stopped.
         """
-        does = self._parked.see(report)
+        does = self._parked.motion_while_parked(report)
         parks = own == "park" or report.is_slewing or report.is_parking
         if does is None or (does == "moves" and parks):
             if not report.is_parked:

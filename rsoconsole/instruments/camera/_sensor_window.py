@@ -70,7 +70,7 @@ class SensorWindow:
             self._set_window(whole)
 
     def remember(self) -> None:
-        """Note the present window, before pixels are joined: some drivers then round it."""
+        """Note the present window before binning, because some drivers then round it."""
         self._remembered = _window_of(self._client.get(_FRAME))
 
     def restore(self) -> None:
@@ -96,7 +96,8 @@ class SensorWindow:
 
     def _set_window(self, wanted: Window) -> Window:
         """Order a window; return the driver's answer, which may be rounded. Raises
-        InstrumentError."""
+        InstrumentError.
+        """
         before = self._client.send_numbers(
             _FRAME, dict(zip(_SIDES, map(float, wanted), strict=True))
         )
@@ -114,7 +115,7 @@ class SensorWindow:
         if answer is None:
             raise InstrumentError(
                 f"the camera did not take {wanted[2]} x {wanted[3]} pixels of its sensor"
-                f" ({self._client.reason_since(before)}): set leap.subframe to 1"
+                f" ({self._client.failure_reason_since(before)}): set leap.subframe to 1"
             )
         return _window_of(answer) or wanted
 

@@ -14,11 +14,7 @@ from rsoconsole.instruments.indi.indi_process import IndiProcess, device_setting
 from rsoconsole.records import Frame
 
 ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
-"""Key of a frame's header for the instant at which its last byte had come, by ``time.monotonic()``.
-
-That clock is one for all processes of a machine. libindi has by then read the whole BLOB and
-decoded its base64; the bytes are not yet unpacked. No FITS keyword: sessions do not keep it.
-"""
+"""Header key, not in FITS, of the instant a frame's last byte came, by ``time.monotonic()``."""
 _MAX_MESSAGES = 100
 _BYTES_PER_PIXEL = 4
 
@@ -35,7 +31,7 @@ class IndiCamera:
     ) -> None:
         """``start`` connects; this only describes the camera. ``waits`` None: the defaults."""
         waits = waits or WaitsConfig()
-        self._order_s = waits.order_s
+        self._order_s = waits.longest_order_s
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
         self._size_px = optics.width_px, optics.height_px
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
@@ -64,7 +60,7 @@ class IndiCamera:
             log_path=log_path,
             on_event=self._on_event,
             descriptors=(self._ring.descriptor,),
-            start_s=waits.connected_s,
+            start_s=waits.longest_connection_s,
         )
 
     def start(self) -> None:
@@ -86,7 +82,7 @@ class IndiCamera:
         )
 
     def set_binning(self, binning: int) -> int:
-        """Join ``binning`` times as many pixels on each axis as the driver's own setting does.
+        """Multiply the binning of the driver's own setting by ``binning``, on each axis.
 
         1: the driver's own setting. Returns the binning now in force.
         """
@@ -145,7 +141,7 @@ class IndiCamera:
         assert outcome is not None
         if outcome["event"] == "failed":
             raise InstrumentError(f"the camera gave no usable frame: {outcome['reason']}")
-        pixels = self._ring.take(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
+        pixels = self._ring.lend_slot(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
         facts = {each.name: outcome[each.name] for each in fields(Frame) if each.name in outcome}
         # JSON knows no tuples.
         facts["header"] = {

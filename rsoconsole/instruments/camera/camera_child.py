@@ -21,17 +21,16 @@ from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.frames.frame_files import frame_from_bytes
 from rsoconsole.instruments.frames.plain_fits import read_plain
 from rsoconsole.instruments.indi.client_choice import open_client
-from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
+from rsoconsole.instruments.indi.indi_child import ReplyWriter, execute_orders
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector, without_timestamp
-from rsoconsole.instruments.process_memory import return_free_pages, return_freed_blocks
+from rsoconsole.instruments.process_memory import return_free_pages, return_freed_blocks_at_once
 from rsoconsole.records import Frame
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
 _BINNING = "CCD_BINNING"
 _SENT_FIELDS = tuple(each.name for each in fields(Frame) if each.name not in ("pixels", "camera"))
-"""Fields of a frame that are sent by message: its pixels lie in the ring, ``camera`` follows from
-the header."""
+"""Fields of a frame sent by message: pixels lie in the ring, the header gives ``camera``."""
 
 
 class CameraChild:
@@ -59,7 +58,7 @@ class CameraChild:
         )
         self._answer_s = float(order["answer_s"])
         client.open(order, (_EXPOSURE, _IMAGE), self._writer)
-        client.take_blobs(_IMAGE)
+        client.enable_blobs(_IMAGE)
         if client.get("UPLOAD_MODE") is not None:
             before = client.send_switch("UPLOAD_MODE", "UPLOAD_CLIENT")
             client.wait("UPLOAD_MODE", lambda _: True, self._answer_s, before)
@@ -76,7 +75,7 @@ class CameraChild:
         """Open the shutter; returns when the camera has accepted the order."""
         client = self._ready()
         self._frame_id, self._slot = int(order["frame_id"]), int(order["slot"])
-        self._ordered = client.serial()
+        self._ordered = client.last_update_number()
         before = client.send_numbers(_EXPOSURE, {"CCD_EXPOSURE_VALUE": float(order["exposure_s"])})
         answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", self._answer_s, before)
         if answer is None:
@@ -85,16 +84,18 @@ class CameraChild:
                 "check its USB power"
             )
         if answer.state == "Alert":
-            raise InstrumentError(f"the camera refused the exposure: {client.reason_since(before)}")
+            raise InstrumentError(
+                f"the camera refused the exposure: {client.failure_reason_since(before)}"
+            )
         # The client has read the last frame as text: there is time now to give that memory back.
         return_free_pages()
         return {}
 
     def bin(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Join ``binning`` times as many pixels on each axis as the driver's own setting does.
+        """Multiply the binning of the driver's own setting by ``binning``, on each axis.
 
-        The order's ``own`` is that setting, as an earlier answer returned it; 0: not known. Then it
-        follows from the configured width, as a killed engine may have left another setting.
+        The order's ``own`` is that setting, from an earlier answer; 0: not known. It is then
+        computed from the configured width, as a killed engine may have left another.
         """
         client = self._ready()
         vector = client.get(_BINNING)
@@ -114,7 +115,7 @@ class CameraChild:
         if not is_set or answer is None or answer.state == "Alert":
             raise InstrumentError(
                 f"the camera did not join {wanted} x {wanted} pixels"
-                f" ({client.reason_since(before)}): set leap.binning to 1"
+                f" ({client.failure_reason_since(before)}): set leap.binning to 1"
             )
         if wanted == own:
             window.restore()
@@ -142,17 +143,17 @@ class CameraChild:
         if vector.name == _IMAGE and _IMAGE in vector.blobs:
             self._receive(vector.blobs[_IMAGE], vector.arrived_monotonic_s)
         elif vector.name == _EXPOSURE and vector.state == "Alert" and self._client is not None:
-            self._writer.say(
+            self._writer.send(
                 {
                     "event": "failed",
                     "frame_id": self._frame_id,
-                    "reason": self._client.words_since(self._ordered) or "no reason given",
+                    "reason": self._client.driver_message_since(self._ordered) or "no reason given",
                 }
             )
 
     def _on_message(self, text: str) -> None:
         print(text, file=sys.stderr, flush=True)
-        self._writer.say({"event": "message", "text": without_timestamp(text)})
+        self._writer.send({"event": "message", "text": without_timestamp(text)})
 
     def _receive(self, content: memoryview, arrived_s: float) -> None:
         frame_id, slot = self._frame_id, self._slot
@@ -177,17 +178,17 @@ class CameraChild:
         is_plain = isinstance(content, memoryview)
 
         def room(shape: tuple[int, ...]) -> npt.NDArray[np.uint16] | None:
-            return ring.room(slot, shape, np.uint16) if is_plain else None
+            return ring.writable_slot(slot, shape, np.uint16) if is_plain else None
 
         try:
             frame = frame_from_bytes(content, frame_id, f"frame_{frame_id:06d}.fits", room=room)
-            pixels = ring.room(slot, frame.pixels.shape, frame.pixels.dtype)
+            pixels = ring.writable_slot(slot, frame.pixels.shape, frame.pixels.dtype)
             if frame_id == self._frame_id and not np.may_share_memory(pixels, frame.pixels):
                 pixels[...] = frame.pixels
         except Exception as error:
-            self._writer.say({"event": "failed", "frame_id": frame_id, "reason": str(error)})
+            self._writer.send({"event": "failed", "frame_id": frame_id, "reason": str(error)})
             return
-        self._writer.say(
+        self._writer.send(
             {
                 "event": "frame",
                 "slot": slot,
@@ -221,11 +222,11 @@ def _driver_binning(info: Vector | None, order: dict[str, Any]) -> int:
 
 def main() -> None:
     """Execute the orders that come on stdin, until the parent ends."""
-    return_freed_blocks()
+    return_freed_blocks_at_once()
     writer = ReplyWriter()
     child = CameraChild(writer)
     try:
-        run_child(
+        execute_orders(
             writer,
             slow={
                 "start": child.start,

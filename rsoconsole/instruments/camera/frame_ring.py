@@ -1,9 +1,9 @@
 """Shared memory for frames: three slots, so that no frame goes through a pipe.
 
 The memory has no name, only a descriptor that the child inherits: nothing remains when either
-process dies. With each order the parent names the slot into which the child writes that frame. A
-frame is not copied out of its slot: the slot is lent to whatever uses the frame, and no other frame
-is ordered into it until the last user has released it.
+process dies. Each order names the slot into which the child writes the frame. A frame stays in its
+slot, which is lent to its users; no other frame is ordered into that slot until the last user has
+released it.
 """
 
 import contextlib
@@ -48,12 +48,14 @@ class FrameRing:
     def free_slot(self) -> int:
         """Return the number of the first slot whose frame is not in use.
 
-        So a night of one frame at a time touches only two slots: one for the frame, one for the
-        frame before, with which it is compared.
+        A night that uses one frame at a time so needs two slots: for the frame, and for the frame
+        before, with which it is compared.
         """
         return next(slot for slot in range(SLOTS) if slot not in self._lent)
 
-    def room(self, slot: int, shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    def writable_slot(
+        self, slot: int, shape: tuple[int, ...], dtype: npt.DTypeLike
+    ) -> npt.NDArray[Any]:
         """Return a slot's memory as a writable array.
 
         Raises FrameError when the slot is too small.
@@ -65,10 +67,10 @@ class FrameRing:
             )
         return self._view(slot, dtype, shape)
 
-    def take(self, slot: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> PixelArray:
-        """Return a slot's content as a read-only array; the slot is lent while the array is in use.
+    def lend_slot(self, slot: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> PixelArray:
+        """Return a slot's frame as a read-only array, and reserve the slot while it is in use.
 
-        A copy, where lending the slot would leave none for the next frame.
+        A copy, where reserving the slot would leave none for the next frame.
         """
         if len(self._lent) >= SLOTS - 1:
             return self._view(slot, dtype, shape).copy()
@@ -82,10 +84,7 @@ class FrameRing:
         return pixels
 
     def close(self) -> None:
-        """Release the memory.
-
-        It is freed when the other process and all users of frames have released it, too.
-        """
+        """Release the memory; it is freed once the other process and all users have done so."""
         with contextlib.suppress(BufferError):
             self._memory.close()
         os.close(self.descriptor)

@@ -25,9 +25,9 @@ _MAX_AXES, _MAX_ITEMS = 999, 16 * MAX_PIXELS
 
 
 def structure_fault(content: Content) -> str | None:
-    """Return an impossible keyword of the file, with its value, in words; None for none.
+    """Return an impossible keyword of the file and its value, in words; None without one.
 
-    Only as far as headers can be read: the decoder reports files that are cut short.
+    Only readable headers are checked; the decoder reports files that are cut short.
     """
     for header in _headers(content):
         fault = _fault_of(header)

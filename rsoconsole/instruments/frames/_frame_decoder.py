@@ -18,12 +18,11 @@ from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
 
 START_S = 60.0
 MIN_S, BYTES_A_S = 15.0, 8_000_000
-"""Least time limit of a file, and the speed that adds to it by length. A compressed frame of 8 MB
-takes 0.5 s on an idle core, 2 s beside six busy processes, and a Pi is slower than that machine."""
+"""Least time limit of a file, s, and the speed, bytes/s, that adds to it by length."""
 
 
 class FrameDecoder:
-    """The decoding process, seen from its parent; one file at a time."""
+    """The parent's access to the decoding process; one file at a time."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -90,7 +89,7 @@ _decoders: dict[int, FrameDecoder] = {}
 
 
 def decoder() -> FrameDecoder:
-    """Return the decoder of the present process."""
+    """Return the decoder of this process, created at the first call."""
     found = _decoders.get(os.getpid())
     if found is None:
         _decoders.clear()

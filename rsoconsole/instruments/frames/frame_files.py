@@ -32,12 +32,12 @@ from rsoconsole.instruments.frames._frame_pixels import (
 from rsoconsole.instruments.frames.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
-    absurd_scale,
     camera_mode,
     exposure_s,
+    exposure_start,
+    impossible_scale_note,
+    plate_scale_arcsec_px,
     pointing_deg,
-    scale,
-    start,
 )
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage, read_plain
 from rsoconsole.records import Frame
@@ -116,7 +116,7 @@ def read_frames(
     extension: str | None = None,
     max_nonfinite_fraction: float = MAX_NONFINITE_FRACTION,
 ) -> Iterator[Frame]:
-    """Yield the frames of a file: one, as ``read_frame``; or every image, for extension ``ALL``."""
+    """Yield the frame of a file as ``read_frame`` does; for extension ``ALL``, every image."""
     path = Path(path)
     is_all = extension is not None and extension.strip().lower() == ALL
     read = partial(
@@ -252,8 +252,8 @@ def _frame_of(
     if bits == 8:
         # Kept in 16 bits it would not show any more.
         header.setdefault("SATURATE", full_adu)
-    t_start_utc_ns, note = start(header)
-    notes += [words for words in (note, absurd_scale(header)) if words]
+    t_start_utc_ns, note = exposure_start(header)
+    notes += [words for words in (note, impossible_scale_note(header)) if words]
     ra_deg, dec_deg = pointing_deg(header)
     if image.label:
         header |= {EXTENSION_KEY: image.label, OTHERS_KEY: image.others}
@@ -263,7 +263,7 @@ def _frame_of(
         pixels=pixels,
         t_start_utc_ns=t_start_utc_ns,
         exposure_s=exposure_s(header),
-        scale_arcsec_px=scale(header),
+        scale_arcsec_px=plate_scale_arcsec_px(header),
         pointing_ra_icrs_deg=ra_deg,
         pointing_dec_icrs_deg=dec_deg,
         saturation_adu=full_adu,

@@ -11,8 +11,7 @@ from rsoconsole.words import NS_PER_S
 
 LOCKED = 3
 _FARTHEST_S = 900.0
-"""Largest difference of the receiver's time from DATE-OBS; beyond a quarter of an hour it is not
-believed."""
+"""Largest difference of the receiver's time from DATE-OBS that is believed, s."""
 _SAME_SHARE, _SAME_S = 0.05, 0.01
 """Largest differences of the receiver's exposure time from the header's, as share and seconds."""
 
@@ -80,11 +79,10 @@ EXTENSION_KEY = "EXTENSION"
 """Key in a frame's header for the label of its image; absent for a file with one image."""
 ABSOLUTE_ZERO_C = -273.15
 POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
-"""Possible plate scales: finer than any telescope's, coarser than any lens's; a scale beyond is an
-error of the header."""
+"""Possible plate scales, arcsec/px; a scale beyond them is an error of the header."""
 
 
-def start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
+def exposure_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
     """Return the start of the exposure (UTC ns), and a reason or None.
 
     By the camera's GPS receiver, where it has one that was locked; else by DATE-OBS; else by
@@ -113,7 +111,7 @@ def camera_mode(header: Mapping[str, Any]) -> CameraMode:
 
 
 def header_start(header: Mapping[str, Any]) -> tuple[int | None, str | None]:
-    """Return the start of the exposure as ``start`` does, but without the camera's GPS receiver."""
+    """Return the exposure's start as ``exposure_start`` does, but without the GPS receiver."""
     stated = header.get("DATE-OBS")
     if not isinstance(stated, str) or not stated.strip():
         return _standard_start(header)
@@ -170,11 +168,11 @@ def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
     return None
 
 
-def scale(header: Mapping[str, Any]) -> float | None:
+def plate_scale_arcsec_px(header: Mapping[str, Any]) -> float | None:
     """Return the plate scale in arcsec/px, from focal length (mm) and pixel size (um).
 
     XPIXSZ is the size after binning, by the FITS convention of MaxIm DL and INDI. None where the
-    header lacks a value, and where the scale is impossible (``absurd_scale``).
+    header lacks a value, or gives an impossible scale (``impossible_scale_note``).
     """
     stated = _stated_scale(header)
     if stated is None or not POSSIBLE_ARCSEC_PX[0] <= stated <= POSSIBLE_ARCSEC_PX[1]:
@@ -182,10 +180,10 @@ def scale(header: Mapping[str, Any]) -> float | None:
     return stated
 
 
-def absurd_scale(header: Mapping[str, Any]) -> str | None:
-    """Return a note on a header whose plate scale is impossible; None where it is possible."""
+def impossible_scale_note(header: Mapping[str, Any]) -> str | None:
+    """Return a note on an impossible plate scale; None where it is possible or not stated."""
     stated = _stated_scale(header)
-    if stated is None or scale(header) is not None:
+    if stated is None or plate_scale_arcsec_px(header) is not None:
         return None
     return (
         f"FOCALLEN {header['FOCALLEN']} mm would be {stated:.4g} arcsec/px: it is not used; set"

@@ -40,7 +40,6 @@ class FitsImage:
     label: str = ""
     """Name, "NAME,VERSION" or number of its extension; empty for the only image of a file."""
     others: tuple[str, ...] = ()
-    """Labels of the file's other images, in order."""
 
 
 def read_plain(content: Content) -> tuple[npt.NDArray[Any], dict[str, Any]] | None:

@@ -36,7 +36,7 @@ class DeviceSearch:
         """Names of the other devices announced so far."""
         return tuple(sorted(self._names - {self._device}))
 
-    def look(self) -> None:
+    def check_announced(self) -> None:
         """Read what the server has announced; call repeatedly until the device is there.
 
         Raises InstrumentError when the device will not come: when the whole wait is over, or when
@@ -65,7 +65,7 @@ class DeviceSearch:
     def _listen(self) -> None:
         if self._wire is None:
             self._wire = IndiWire(self._order["host"], self._order["port"])
-            self._wire.ask_all()
+            self._wire.request_all_properties()
         ends_s = self._now_s() + _READ_S
         while (vector := self._wire.wait(lambda _: True, _POLL_S)) is not None:
             if vector.is_definition:

@@ -29,30 +29,30 @@ class IndiStream(asyncio.Protocol):
         self.mender = StreamMender()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Pass on that the connection is made."""
+        """Tell the other protocol that the connection is made."""
         self._reader.connection_made(transport)
 
     def data_received(self, data: bytes) -> None:
         """Correct the received bytes and pass them on."""
-        if cleaned := self.mender.cleaned(bytes(data)):
+        if cleaned := self.mender.correct(bytes(data)):
             self._reader.data_received(cleaned)
 
     def eof_received(self) -> bool | None:
-        """Pass on that the server sends no more."""
+        """Tell the other protocol that the server sends no more."""
         self._on_end()
         return self._reader.eof_received()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Pass on that the connection is gone."""
+        """Tell the other protocol that the connection is lost."""
         self._on_end()
         self._reader.connection_lost(exc)
 
     def pause_writing(self) -> None:
-        """Pass on that the server reads too slowly."""
+        """Tell the other protocol that the server reads too slowly."""
         self._reader.pause_writing()
 
     def resume_writing(self) -> None:
-        """Pass on that the server reads again."""
+        """Tell the other protocol that the server reads again."""
         self._reader.resume_writing()
 
 
@@ -76,7 +76,6 @@ class IndipyClient(IndiClient):
         self._loop: _Loop | None = None
         self._library: _Library | None = None
         self._defined: set[str] = set()
-        """Names of the properties that the driver has defined and not removed."""
 
     def _connect(self, host: str, port: int) -> bool:
         self._loop = _Loop(self._server_gone)
@@ -102,7 +101,7 @@ class IndipyClient(IndiClient):
     def _connect_device(self) -> None:
         self._send_switch("CONNECTION", "CONNECT")
 
-    def take_blobs(self, name: str) -> None:
+    def enable_blobs(self, name: str) -> None:
         """Make the server send the contents of this BLOB vector, too."""
         enable = ET.Element("enableBLOB", device=self.device, name=name)
         enable.text = "Also"
@@ -126,7 +125,8 @@ class IndipyClient(IndiClient):
 
     def _send(self, element: ET.Element) -> None:
         """Pass an element to the system, in order. Raises InstrumentError when it accepts no
-        more."""
+        more.
+        """
         assert self._loop is not None
         assert self._library is not None
         sent = asyncio.run_coroutine_threadsafe(self._library.send(element), self._loop)
@@ -157,7 +157,7 @@ class IndipyClient(IndiClient):
         """Content in the place of a ticket; read only."""
         assert self._loop is not None
         assert self._loop.stream is not None
-        return memoryview(self._loop.stream.mender.content_of(ticket)).toreadonly()
+        return memoryview(self._loop.stream.mender.pop_blob(ticket)).toreadonly()
 
     def _take_deletion(self, event: Any) -> None:
         """Remove one property, or all: the driver ended, and may come back."""
@@ -240,7 +240,6 @@ class _Loop(asyncio.SelectorEventLoop):
         self._on_end = on_end
         self.has_failed = False
         self.stream: IndiStream | None = None
-        """Stream of the only connection."""
         self.on_failure: Callable[[], None] = lambda: None
 
     async def create_connection(  # type: ignore[override]

@@ -13,7 +13,7 @@ import numpy as np
 import PyIndi
 
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
-from rsoconsole.instruments.process_memory import forget_contents
+from rsoconsole.instruments.process_memory import discard_pages
 
 _STATES = {
     PyIndi.IPS_IDLE: "Idle",
@@ -71,7 +71,7 @@ class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
     def _connect_device(self) -> None:
         self.connectDevice(self.device)
 
-    def take_blobs(self, name: str) -> None:
+    def enable_blobs(self, name: str) -> None:
         """Make the server send the contents of this BLOB vector, too."""
         self.setBLOBMode(PyIndi.B_ALSO, self.device, name)
 
@@ -139,7 +139,7 @@ class PyIndiClient(PyIndi.BaseClient, IndiClient):  # type: ignore[misc]
         libindi keeps the memory of each camera's last frame until the next one comes.
         """
         address = np.frombuffer(content, np.uint8).ctypes.data
-        forget_contents(address, content.nbytes)
+        discard_pages(address, content.nbytes)
 
 
 def _in_place(blob: Any) -> memoryview:

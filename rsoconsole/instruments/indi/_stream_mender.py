@@ -28,10 +28,10 @@ codecs.register_error(_LATIN_1, _as_latin_1)
 class StreamMender:
     """Corrects a server's bytes, piece by piece, before an XML parser reads them.
 
-    The contents of BLOBs do not go through the parser: their base64 is decoded as it comes, which
-    is faster, and the parser gets a short ticket in their place, which ``content_of`` exchanges for
-    the content. Corrected are errors that libindi accepts and a strict parser rejects: control
-    characters, bare ampersands, and bytes that are not UTF-8, which are read as Latin-1.
+    The contents of BLOBs bypass the parser: their base64 is decoded as it comes, which is faster,
+    and the parser gets a short ticket in their place, which ``pop_blob`` exchanges for the content.
+    Corrected are errors that libindi accepts and a strict parser rejects: control characters, bare
+    ampersands, and bytes that are not UTF-8, which are read as Latin-1.
     """
 
     def __init__(self) -> None:
@@ -39,11 +39,10 @@ class StreamMender:
         self._cut = b""
         """Beginning of an incomplete entity or BLOB tag."""
         self._blob: _Blob | None = None
-        """BLOB that is being received."""
         self._blobs: OrderedDict[int, bytearray] = OrderedDict()
         self._tickets = 0
 
-    def content_of(self, ticket: bytes) -> bytearray:
+    def pop_blob(self, ticket: bytes) -> bytearray:
         """Return the content of the BLOB with this ticket; only once.
 
         Empty where there is no such BLOB.
@@ -53,7 +52,7 @@ class StreamMender:
         except struct.error:
             return bytearray()
 
-    def cleaned(self, data: bytes) -> bytes:
+    def correct(self, data: bytes) -> bytes:
         """Return the corrected bytes for the parser.
 
         An incomplete entity or tag at the end of ``data`` is returned with the next piece.

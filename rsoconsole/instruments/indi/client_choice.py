@@ -23,10 +23,9 @@ class ClientLibrary:
     module: str
     package: str
     install: str
-    """Shell command that installs it."""
 
     @property
-    def is_there(self) -> bool:
+    def is_installed(self) -> bool:
         """True when its module is installed; loading it may still fail."""
         return importlib.util.find_spec(self.module) is not None
 
@@ -62,7 +61,7 @@ def client_library(setting: str) -> ClientLibrary:
     Raises InstrumentError where it is not installed.
     """
     for library in allowed_libraries(setting):
-        if library.is_there:
+        if library.is_installed:
             return library
     raise InstrumentError(_missing(setting))
 

@@ -1,4 +1,4 @@
-"""Order loop and reply writer, for the processes of mount and camera.
+"""Execution of orders and writing of replies, in the processes of mount and camera.
 
 Runs only in a child process.
 """
@@ -33,7 +33,7 @@ class ReplyWriter:
         self._has_more = threading.Semaphore(0)
         threading.Thread(target=self._write_all, daemon=True, name="reply writer").start()
 
-    def say(self, message: Mapping[str, Any]) -> None:
+    def send(self, message: Mapping[str, Any]) -> None:
         """Send one line to the parent; returns at once."""
         self._unsaid.append(json.dumps(message).encode() + b"\n")
         self._has_more.release()
@@ -53,7 +53,7 @@ class ReplyWriter:
 Handler = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-def run_child(
+def execute_orders(
     writer: ReplyWriter,
     slow: Mapping[str, Handler],
     urgent: Mapping[str, Handler],
@@ -61,10 +61,10 @@ def run_child(
 ) -> bool:
     """Execute the orders that come as JSON lines on stdin, until the parent ends.
 
-    Returns True where the parent ordered the end, False where its end of the pipe just closed.
-    ``slow`` orders are executed one after another, ``urgent`` ones at once, on threads of their
-    own, beside them. ``on_order`` is called with each order as it arrives. SIGTERM and SIGHUP are
-    ignored: the parent may need this process to end safely.
+    ``slow``: handlers of orders that are executed one after another; ``urgent``: of orders that are
+    executed at once, each on a thread of its own. ``on_order``: called with each order as it
+    arrives. SIGTERM and SIGHUP are ignored: the parent may need this process to end safely. Returns
+    True where the parent ordered the end, False where its end of the pipe closed.
     """
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
@@ -72,12 +72,12 @@ def run_child(
 
     def obey(handler: Handler, order: dict[str, Any]) -> None:
         try:
-            writer.say({"id": order["id"], **handler(order)})
+            writer.send({"id": order["id"], **handler(order)})
         except RsoconsoleError as error:
-            writer.say({"id": order["id"], "error": str(error)})
+            writer.send({"id": order["id"], "error": str(error)})
         except Exception as error:
             traceback.print_exc()
-            writer.say({"id": order["id"], "error": f"{type(error).__name__}: {error}"})
+            writer.send({"id": order["id"], "error": f"{type(error).__name__}: {error}"})
 
     def work() -> None:
         while True:
@@ -99,5 +99,5 @@ def run_child(
         elif order["verb"] in slow:
             waiting.put((slow[order["verb"]], order))
         else:
-            writer.say({"id": order["id"], "error": f"nobody here knows '{order['verb']}'"})
+            writer.send({"id": order["id"], "error": f"nobody here knows '{order['verb']}'"})
     return False

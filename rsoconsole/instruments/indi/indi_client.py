@@ -1,4 +1,4 @@
-"""One device's properties as plain values, whichever client library reads them from the server.
+"""Client of one INDI device, with the same interface for each of the client libraries.
 
 Runs only in a child process. The library delivers updates on a thread of its own; the callbacks
 here catch errors and only copy values.
@@ -25,7 +25,6 @@ _LOOK_S = 0.5
 _SAID = 100
 _LATE_WORD_S = 0.2
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z?: ")
-"""Time stamp that a library puts before a driver's message."""
 _GRAVEST = ("[ERROR]", "[WARNING]")
 
 
@@ -41,8 +40,7 @@ class Vector:
     is_definition: bool
     """True for the definition of the property: its values may be old already."""
     arrived_monotonic_s: float
-    """Instant at which the library delivered it, by ``time.monotonic()``: that is the same in all
-    processes of a machine."""
+    """Instant of the library's delivery, by ``time.monotonic()``: one clock for all processes."""
     blobs: Mapping[str, memoryview] = field(default_factory=dict)
     """Contents of a BLOB vector, in the library's memory: valid only while ``on_vector`` runs."""
 
@@ -71,7 +69,6 @@ class IndiClient(ABC):
         self._ready = False
         self._is_open = False
         self._said: deque[tuple[int, str]] = deque(maxlen=_SAID)
-        """Messages of the driver, each with its number among the updates."""
         self.has_connected_device = False
         """True where this client switched the device's connection on: all its values are new."""
 
@@ -94,8 +91,8 @@ class IndiClient(ABC):
         """Request that one switch be on."""
 
     @abstractmethod
-    def take_blobs(self, name: str) -> None:
-        """Make the server send the contents of this BLOB vector, too."""
+    def enable_blobs(self, name: str) -> None:
+        """Make the server also send the contents of the BLOB vector ``name``."""
 
     @abstractmethod
     def _let_go(self, content: memoryview) -> None:
@@ -162,10 +159,10 @@ class IndiClient(ABC):
         """Connect to the server and the device; wait until the properties ``needed`` are defined.
 
         ``order``: the parent's order with host, port, name of the setting, and times to wait.
-        ``writer`` passes on what is waited for. Raises InstrumentError.
+        ``writer`` tells the parent what is waited for. Raises InstrumentError.
         """
         host, port = order["host"], order["port"]
-        writer.say({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
+        writer.send({"event": WAITING, "what": f"the INDI server at {host}:{port} to answer"})
         if not self._connect(host, port):
             raise InstrumentError(
                 f"no INDI server answers at {host}:{port}: start indiserver{indi_port_option(port)}"
@@ -178,12 +175,12 @@ class IndiClient(ABC):
         device_s = float(order["device_s"])
         deadline_s = time.monotonic() + device_s
         for name in needed:
-            writer.say({"event": WAITING, "what": f"{self.device} to offer {name}"})
+            writer.send({"event": WAITING, "what": f"{self.device} to offer {name}"})
             left_s = max(0.1, deadline_s - time.monotonic())
             if self.wait(name, lambda _: True, left_s) is None:
                 raise InstrumentError(
                     f"{self.device} is there but has not offered {name} in {device_s:.0f} s: "
-                    f"is it connected and powered? {self.words_since(0)}".rstrip()
+                    f"is it connected and powered? {self.driver_message_since(0)}".rstrip()
                 )
         self._is_open = True
         connection = self.get("CONNECTION")  # it may have gone off just before
@@ -193,7 +190,7 @@ class IndiClient(ABC):
     def _await_device(self, order: Mapping[str, Any], writer: ReplyWriter) -> None:
         """Wait until the server announces the device. Raises InstrumentError."""
         words = f"{order['setting'].partition('.')[2]} '{self.device}'"
-        writer.say({"event": WAITING, "what": words})
+        writer.send({"event": WAITING, "what": words})
         if self.wait("CONNECTION", lambda _: True, _LOOK_S) is not None:
             return
         # Only now: a process that starts in no time needs none of it.
@@ -202,29 +199,30 @@ class IndiClient(ABC):
         reported: tuple[str, ...] = ()
         with contextlib.closing(DeviceSearch(self.device, order)) as there:
             while self.wait("CONNECTION", lambda _: True, _LOOK_S) is None:
-                there.look()
+                there.check_announced()
                 if there.others != reported:
                     reported = there.others
                     has = ", ".join(reported)
                     what = f"{words}; the INDI server has announced {has} until now"
-                    writer.say({"event": WAITING, "what": what})
+                    writer.send({"event": WAITING, "what": what})
 
     def get(self, name: str) -> Vector | None:
         """Return the latest state of a property; None where it is not defined."""
         with self._changed:
             return self._vectors.get(name)
 
-    def serial(self) -> int:
-        """Return the number of the latest update."""
+    def last_update_number(self) -> int:
+        """Return the number of the latest update, counted over all properties of the device."""
         with self._changed:
             return self._serial
 
     def wait(
         self, name: str, is_wanted: Callable[[Vector], bool], timeout_s: float, after: int = -1
     ) -> Vector | None:
-        """Wait for an update of a property that ``is_wanted`` accepts, later than number ``after``.
+        """Wait for an update of the property ``name`` that ``is_wanted`` accepts, and return it.
 
-        Returns None where none came within ``timeout_s``.
+        ``after``: only updates with a higher number count. Returns None where none comes in
+        time.
         """
         deadline_s = time.monotonic() + timeout_s
         with self._changed:
@@ -238,11 +236,11 @@ class IndiClient(ABC):
                     return None
                 self._changed.wait(left_s)
 
-    def words_since(self, after: int, wait_s: float = 0.0) -> str:
-        """Return the driver's most important message since update ``after``; empty for none.
+    def driver_message_since(self, after: int, wait_s: float = 0.0) -> str:
+        """Return the driver's most important message after update ``after``; empty for none.
 
-        Errors come before warnings, warnings before all else; of equals the last. Waits up to
-        ``wait_s`` for a message.
+        Errors come before warnings, and warnings before other messages; of several equals the last
+        is returned. Waits up to ``wait_s`` for a message.
         """
         deadline_s = time.monotonic() + wait_s
         with self._changed:
@@ -257,24 +255,24 @@ class IndiClient(ABC):
                 return without_timestamp(grave[-1])
         return without_timestamp(said[-1])
 
-    def reason_since(self, after: int) -> str:
-        """Return why the driver did not follow an order, by its messages since update ``after``.
+    def failure_reason_since(self, after: int) -> str:
+        """Return the driver's reason for not following an order, from its messages.
 
-        "no reason given" where it sent none.
+        ``after``: last update before the order. Returns "no reason given" without a message.
         """
-        return self.words_since(after, _LATE_WORD_S) or "no reason given"
+        return self.driver_message_since(after, _LATE_WORD_S) or "no reason given"
 
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
         """Order new numbers; return the number of the last update before the order."""
         with self._sending:
-            before = self.serial()
+            before = self.last_update_number()
             self._send_numbers(name, values)
         return before
 
     def send_switch(self, name: str, member: str) -> int:
         """Order one switch on; return the number of the last update before the order."""
         with self._sending:
-            before = self.serial()
+            before = self.last_update_number()
             self._send_switch(name, member)
         return before
 

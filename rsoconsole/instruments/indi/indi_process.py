@@ -25,16 +25,13 @@ if TYPE_CHECKING:  # the children start without
 log = logging.getLogger(__name__)
 
 SERVER_LOST = 3
-"""Exit status of a child that has lost its INDI server."""
 DEVICE_LOST = 4
-"""Exit status of a child whose driver came back unconnected, or was disconnected by another
-client."""
+"""Exit status of a child whose driver came back unconnected, or another client disconnected."""
 _START_S = 150.0
 """Default time limit of a start; the configuration's ``waits`` take precedence."""
 _END_S = 3.0
 _LEAVE_S = 10.0
-"""Time for an orderly end: a mount's process first stops the mount, which takes long on a slow
-machine."""
+"""Time for an orderly end, s: a mount's process first stops the mount."""
 _STATUS_S = 1.0
 _SEND_S = 0.1
 _HUNG_S = 3.0
@@ -246,9 +243,9 @@ class IndiProcess:
     ) -> bool:
         """Wait until ``is_done`` returns True; return False where it has not within ``timeout_s``.
 
-        The child's events (``on_event``) bring that about. ``starts_again``: first start a child
-        that has died; False where the awaited thing died with it. Raises InstrumentError when the
-        child dies during the wait.
+        ``is_done`` is called after each message of the child. ``starts_again``: whether a child
+        that has died is started first; False where a new child could not fulfil the condition.
+        Raises InstrumentError when the child dies during the wait.
         """
         if starts_again and self.pid is None:
             self.start()
@@ -302,7 +299,7 @@ class IndiProcess:
                         )
                     if wait is not None:
                         wait.what = self._awaits
-                        wait.look()
+                        wait.log_if_due()
                     self._changed.wait(min(left_s, _LOOK_S))
                 answer = self._answers[number]
             finally:

@@ -51,12 +51,10 @@ class IndiWire:
         self._parser: Any = ET.XMLPullParser(events=("start", "end"))
         self._parser.feed(b"<indi>")
         self._mender = StreamMender()
-        """Mender of what a strict parser fails on."""
         self._root: ET.Element | None = None
         self._depth = 0
         self._waiting: list[IndiVector] = []
         self.last_message = ""
-        """Latest message of any device."""
         self.deleted: list[tuple[str, str]] = []
         """Devices and properties that were removed, for a reader to empty; name "": all."""
 
@@ -69,12 +67,12 @@ class IndiWire:
         which = f" name={quoteattr(name)}" if name else ""
         self._send(f'<getProperties version="1.7" device={quoteattr(device)}{which}/>')
 
-    def ask_all(self) -> None:
+    def request_all_properties(self) -> None:
         """Request the definitions of all properties of all devices."""
         self._send('<getProperties version="1.7"/>')
 
     def new(self, kind: str, device: str, name: str, values: Mapping[str, str]) -> None:
-        """Order new values of a property; ``kind`` is Number, Switch or Text."""
+        """Send new values of a property, by element name; ``kind``: Number, Switch or Text."""
         one = _MEMBER[kind]
         members = "".join(
             f"<{one} name={quoteattr(key)}>{escape(value)}</{one}>" for key, value in values.items()
@@ -118,7 +116,7 @@ class IndiWire:
         if not chunk:
             raise self._hung_up("connection closed")
         try:
-            self._parser.feed(self._mender.cleaned(chunk))
+            self._parser.feed(self._mender.correct(chunk))
             events = list(self._parser.read_events())
         except ET.ParseError as error:
             raise self._hung_up(error) from error

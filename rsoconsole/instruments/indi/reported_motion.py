@@ -1,8 +1,8 @@
-"""Measures a mount's motion from its driver's reports, on a plain connection.
+"""Measurement of a mount's motion from its driver's reports, by a plain connection.
 
 INDI's base class reports coordinates only when they change: the driver of a tracking mount is
-silent. So coordinates are requested during its silence, and the silence counts only where the
-driver answers and shows no Alert.
+silent. So coordinates are requested during the silence; unchanged coordinates count as measured
+only where the driver answers and does not report the state Alert.
 """
 
 import math
@@ -27,12 +27,10 @@ TRACKING = "TELESCOPE_TRACK_STATE"
 POLLING = "POLLING_PERIOD"
 SIM_TIME = "SIM_TIME"
 POLLING_MS = 500.0
-"""Polling period of a driver while its mount's motion is measured, ms, where the driver accepts
-it."""
+"""Polling period while a mount's motion is measured, ms, where its driver accepts it."""
 _ASK_EVERY_S = 0.5
 _HUNG_S = 1.0
-"""Longest delay of an answer; a driver that needs longer was held up, and has not polled its mount
-meanwhile."""
+"""Longest delay of an answer, s; a slower driver has not polled its mount meanwhile."""
 _PERIODS_S = (0.05, 30.0)
 _INTERVALS = 9
 _INTERVAL_S = (0.2, 10.0)
@@ -40,10 +38,11 @@ _NS = 1e9
 
 
 class ReportedMotion:
-    """Motion of one mount, measured from its INDI vectors. Thread-safe.
+    """Meter of one mount's motion, which reads the mount's INDI vectors.
 
-    The time used is that of the observatory where vectors SIM_TIME come (a simulated observatory,
-    which reports its time before the coordinates), else the monotonic clock.
+    Thread-safe. Times are those of the observatory where vectors SIM_TIME come (a simulated
+    observatory, which reports its time before the coordinates), else those of the monotonic
+    clock.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -59,15 +58,13 @@ class ReportedMotion:
         self._unanswered_s: float | None = None
         """Time since which a request is unanswered; None: none is."""
         self._knows_period = False
-        """True once the polling period is known; until then silence proves nothing, as its age is
-        unknown."""
+        """True once the polling period is known; until then silence proves nothing."""
         self.state = ""
-        """State of the coordinates as last reported."""
         self.polling_ms: float | None = None
         """Polling period that the driver reports; None where it reports none."""
 
     def take(self, vector: "Vector | IndiVector") -> None:
-        """Take in one vector of the mount's driver."""
+        """Add one vector of the mount's driver; ignore it where it is not needed."""
         with self._lock:
             now_s = self._now_s()
             if vector.name == POLLING:
@@ -78,14 +75,14 @@ class ReportedMotion:
                 self._take_coordinates(vector, now_s)
 
     def begin(self) -> None:
-        """Note that an order is sent now: earlier reports no longer count."""
+        """Ignore the reports before this instant, because an order is sent to the mount now."""
         with self._lock:
             self._meter.begin_at(self._now_s() if self._sim_s is None else self._sim_s)
 
     def reset_after_delay(self) -> None:
-        """Drop earlier reports, after this program has paused reading.
+        """Ignore earlier reports, because this program has paused reading.
 
-        The reports that come next may have been sent long ago.
+        The next reports may have been sent long ago. Does nothing in a simulated observatory.
         """
         if self._sim_s is None:
             self.begin()
@@ -98,15 +95,18 @@ class ReportedMotion:
             return self._meter.motion(self._now_s() if self._sim_s is None else self._sim_s)
 
     @property
-    def is_fresh(self) -> bool:
-        """True where the driver has reported coordinates unasked within the measured span."""
+    def has_recent_report(self) -> bool:
+        """True where the driver has sent coordinates without a request during the measured span."""
         with self._lock:
-            return self._now_s() - self._reported_s <= self._meter.span_s + self._meter.period_s
+            return (
+                self._now_s() - self._reported_s
+                <= self._meter.measuring_span_s + self._meter.period_s
+            )
 
     def wants_word(self) -> bool:
-        """True when the caller must request the silent driver's coordinates now.
+        """Return True when the caller must now request coordinates, because the driver is silent.
 
-        The call counts as that request.
+        A call that returns True counts as the request.
         """
         with self._lock:
             now_s = self._now_s()
@@ -165,7 +165,7 @@ class ReportedMotion:
         if self._sim_s is not None and vector.is_definition:
             return
         t_s = now_s if self._sim_s is None else self._sim_s
-        ra_deg, last = hours_to_deg(ra_hours), self._meter.last
+        ra_deg, last = hours_to_deg(ra_hours), self._meter.last_report
         is_same = last is not None and (last.ra_deg, last.dec_deg) == (ra_deg, dec_deg)
         if not vector.is_definition:
             self._reported_s = now_s
@@ -178,7 +178,7 @@ class ReportedMotion:
                 self._meter.hold(t_s, now_s)
             return
         if self._is_base_defined:
-            self._meter.forget()  # a driver that has just connected may not have looked yet
+            self._meter.drop_reports()  # a driver that has just connected may not have looked yet
         self._is_base_defined = last is None and vector.is_definition
         if self._is_base_defined:
             t_s -= self._meter.period_s

@@ -21,10 +21,10 @@ _WEATHER: dict[str, Weather] = {"Ok": "ok", "Busy": "warning", "Alert": "alert"}
 
 
 class IndiSafetyMonitor:
-    """Watches the configured weather station and the configured dome.
+    """Monitor of the configured weather station and the configured dome.
 
-    A device counts as silent when it has never reported its state, when it has disappeared, and
-    when it has reported nothing for a minute despite four requests.
+    A device counts as silent when it has never reported its state, when the server has removed it,
+    or when it has reported nothing for a minute in spite of four requests.
     """
 
     def __init__(
@@ -51,12 +51,12 @@ class IndiSafetyMonitor:
         self._thread = threading.Thread(target=self._run, daemon=True, name="safety monitor")
 
     def start(self) -> None:
-        """Begin to watch; waits a while for the first report of every device."""
+        """Start the monitor; wait a limited time for the first report of every device."""
         self._thread.start()
         wait = LongWait(f"a first word of {' and '.join(self._devices)}")
         with self._changed:
             while self._is_any_silent() and wait.waited_s < self._first_word_s:
-                wait.look()
+                wait.log_if_due()
                 self._changed.wait(_LOOK_S)
 
     def look(self) -> SkyReport:

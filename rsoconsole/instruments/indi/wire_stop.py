@@ -32,8 +32,8 @@ _UNTOLD = f"{NO_ANSWER}: look at its driver and its cable, and at the telescope"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WatchedStop:
-    """Callbacks during a STOP; ``is_over`` may end it."""
+class StopCallbacks:
+    """Callbacks during a STOP; where ``is_over`` returns True, the STOP ends early."""
 
     on_ordered: Callable[[], None] = lambda: None
     """Called when the first ABORT has been handed to the operating system."""
@@ -50,20 +50,20 @@ def stop_mount(
     *,
     after_stop: AfterStop = "track",
     had_tracking: bool | None = None,
-    watched: WatchedStop = WatchedStop(),
+    watched: StopCallbacks = StopCallbacks(),
     on_result: Callable[[StopResult], None] = lambda _result: None,
     measures: bool = True,
 ) -> StopResult:
-    """Send ABORT, read the driver's answer, set tracking by ``after_stop``, measure the motion.
+    """Send ABORT, read the driver's answer, set tracking, and measure the motion.
 
-    ``had_tracking``: whether the mount tracked before; None: as its driver reports. Needed where
-    another path may have aborted the mount already. ``on_result`` is called first with the result
-    of ABORT, after ``timeout_s`` at most and a little for tracking; then whenever the measured
-    motion changes. Measuring takes some seconds, half a minute where the mount still moves.
-    ``measures`` False: end before the measurement. ``watched.is_over`` ends everything.
+    ``had_tracking``: whether the mount tracked before; None: as its driver reports; needed where
+    the other path may already have sent ABORT. ``on_result``: called first with the result of
+    ABORT, after ``timeout_s`` and the time to set tracking at the latest, then whenever the kind of
+    measured motion changes. ``measures``: False: end before the measurement, which takes some
+    seconds, or half a minute where the mount still moves. ``watched.is_over``: ends everything.
 
-    Returns the last result. Never raises: a server that cannot be reached gives a result with
-    ``is_answered`` False.
+    Returns the last result. Never raises: where the server cannot be reached, ``is_answered`` of
+    the result is False.
     """
     begun_s = time.monotonic()
     result = StopResult(is_answered=False, ms=0.0, path="indi")
@@ -86,11 +86,10 @@ def stop_mount(
 class _WireStop:
     """One STOP by a plain connection, with the driver's reports before and after it."""
 
-    def __init__(self, wire: IndiWire, device: str, watched: WatchedStop, begun_s: float) -> None:
+    def __init__(self, wire: IndiWire, device: str, watched: StopCallbacks, begun_s: float) -> None:
         self._wire, self._device, self._watched = wire, device, watched
         self._begun_s = begun_s
         self.vectors: dict[str, IndiVector] = {}
-        """Latest vector of each property."""
         self._first: dict[str, IndiVector] = {}
         self._motion = ReportedMotion()
         self._is_answered = False

@@ -10,7 +10,7 @@ from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 from rsoconsole.instruments.indi.reported_motion import ABORT, COORDINATES, ReportedMotion
 from rsoconsole.instruments.motion import AfterStop
 from rsoconsole.instruments.mount._mount_watch import MountWatch
-from rsoconsole.instruments.mount._stop_measurement import StopMeasurement, is_answered
+from rsoconsole.instruments.mount._stop_measurement import StopMeasurement, has_accepted_abort
 from rsoconsole.instruments.mount.mount_mirror import MountMirror
 
 _STOP_S = 2.0
@@ -19,8 +19,8 @@ _REPEAT_ABORT_S = 0.5
 _TRACKING_S = 2.0
 
 
-class Halt:
-    """Stops one mount; may be used any number of times."""
+class StopExecutor:
+    """Executor of STOP for one mount; it may be used any number of times."""
 
     def __init__(
         self,
@@ -58,13 +58,13 @@ class Halt:
         detail of a ``StopResult``.
         """
         client, mirror = self._client, self._mirror
-        was_moving = mirror.says_moving or client.get(COORDINATES) is None
-        wanted = mirror.tracking_after(after_stop)
-        if had_tracking and after_stop == "track" and not mirror.says_parked:
+        was_moving = mirror.is_reported_moving or client.get(COORDINATES) is None
+        wanted = mirror.tracking_to_order(after_stop)
+        if had_tracking and after_stop == "track" and not mirror.is_reported_parked:
             wanted = True
-        first, aborts = client.serial(), 0
+        first, aborts = client.last_update_number(), 0
         answer: Vector | None = None
-        mirror.order_begins()
+        mirror.note_order()
         ends_s = self._monotonic_s() + _STOP_S
         while answer is None and (left_s := ends_s - self._monotonic_s()) > 0:
             client.send_switch(ABORT, "ABORT")
@@ -75,7 +75,9 @@ class Halt:
             awaited = COORDINATES if was_moving else ABORT
             answer = client.wait(
                 awaited,
-                lambda v: is_answered(client) and (v.name == COORDINATES or v.state != "Alert"),
+                lambda v: (
+                    has_accepted_abort(client) and (v.name == COORDINATES or v.state != "Alert")
+                ),
                 min(left_s, _REPEAT_ABORT_S),
                 first,
             )
@@ -85,7 +87,7 @@ class Halt:
             if not was_moving:
                 self._await_report(answer.serial)
             self._watch.hold_tracking(wanted)
-            is_tracking = mirror.says_tracking if wanted is None else self._settled(wanted)
+            is_tracking = mirror.is_reported_tracking if wanted is None else self._settled(wanted)
             # Not before: what it is to be is asked for now.
             self._watch.hold_tracking(wanted)
         detail = "" if answer is not None else self._why_unanswered(aborts, first)
@@ -93,7 +95,7 @@ class Halt:
 
     def _measure(self, wanted: bool | None) -> None:
         hold = functools.partial(self._watch.hold_tracking, wanted)
-        self._watch.measure_stop(
+        self._watch.set_stop_measurement(
             StopMeasurement(
                 self._client,
                 self._motion,
@@ -109,9 +111,9 @@ class Halt:
             return "its driver has no ABORT"
         abort = client.get(ABORT)
         if abort is not None and abort.state == "Alert":
-            said = client.words_since(first)
+            said = client.driver_message_since(first)
             return f"its driver answers ABORT with Alert{': ' if said else ''}{said}"
-        if mirror.says_moving:
+        if mirror.is_reported_moving:
             return f"its driver says that it still moves after {aborts} aborts in {_STOP_S:g} s"
         return f"its driver has not answered {aborts} aborts in {_STOP_S:g} s"
 

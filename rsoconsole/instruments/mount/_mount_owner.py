@@ -1,7 +1,7 @@
-"""Shows which process watches over a mount: a file in the user's runtime folder, the claim.
+"""Claim of a process to a mount: a file in the user's runtime folder.
 
-A mount's process that outlives its engine keeps watching until another process claims the mount.
-Processes of other users, or on other machines, are not seen.
+A mount's process that outlives its engine watches the mount until another process claims the mount.
+Processes of other users or on other machines are not noticed.
 """
 
 import contextlib
@@ -41,7 +41,7 @@ class MountOwner:
             self._path = path
 
     def is_ours(self) -> bool:
-        """False once another process has claimed the mount; a missing file claims nothing."""
+        """Return True while this process holds the claim; a missing claim file does not end it."""
         if self._path is None:
             return False
         try:

@@ -1,7 +1,7 @@
 """One STOP on two paths to the mount: sent, answered by the driver, motion measured.
 
-The first answer counts, on either path. The path that was answered sets tracking. The motion is
-reported for half a minute, or until the next order.
+The first answer counts, whichever path it comes by; the path that received it sets tracking.
+Changes of the motion are reported for half a minute, or until the next order.
 """
 
 import logging
@@ -38,15 +38,14 @@ class MountStop:
         self._ways = 0
         self._is_settled = False
         self._last: StopResult | None = None
-        """Latest motion that ``on_news`` was called with."""
         self.is_over = False
         """True when nothing waits for this STOP: no more is sent to the mount for it."""
 
     def leaves_to(self, path: StopPath) -> bool:
-        """True where the path other than ``path`` may end.
+        """Return True where the path other than ``path`` may end.
 
-        That is when the STOP is over, or has its result and ``path`` has finished and measures the
-        motion.
+        It may where the STOP is over, and where the STOP has its result and ``path`` has finished:
+        ``path`` then measures the motion.
         """
         return self.is_over or (self._is_settled and any(each.path == path for each in self._ends))
 
@@ -83,9 +82,9 @@ class MountStop:
         self._on_news(news)
 
     def end(self, detail: str = "", *, is_superseded: bool = False) -> None:
-        """End the measurement; where no motion was measured, report it as unknown with ``detail``.
+        """End the measurement; where no motion was measured, report an unknown motion.
 
-        ``is_superseded``: another order ended it.
+        ``detail``: reason in that report; ``is_superseded``: True where another order ended it.
         """
         if not self.is_over and (self._last is None or is_superseded):
             known = self._answered or self._result(is_answered=False, path="mount")
@@ -102,7 +101,7 @@ class MountStop:
         self.is_over = True
 
     def begin(self, path: StopPath, act: Callable[[], StopResult]) -> threading.Thread:
-        """Start ``path`` on a thread that runs ``act``; if ``act`` raises, the path has failed."""
+        """Start ``path`` on a new thread that runs ``act``; the path fails where ``act`` raises."""
 
         def go() -> None:
             try:

@@ -67,7 +67,7 @@ class MountWatch:
         self._thread.start()
 
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
-        """Renew the lease for ``lease_s``: the engine watches.
+        """Renew the lease for ``lease_s``, because the engine watches the mount.
 
         ``track_until_utc_ns``: when tracking must end, at the next limit; None: no limit.
         """
@@ -77,22 +77,24 @@ class MountWatch:
         self._wake.set()
 
     def hold_tracking(self, is_on: bool | None) -> None:
-        """Restore this tracking state for some seconds, should the driver change it after a STOP.
+        """Restore this tracking state whenever the driver changes it within some seconds.
 
-        A driver may restore its own tracking state at its next poll of the mount. None: stop doing
-        so, as a new order decides.
+        After a STOP a driver may restore its own tracking state at its next poll of the mount.
+        ``is_on`` None: restore nothing from now on, because a new order sets tracking.
         """
         self._held = None if is_on is None else (is_on, self._monotonic_s() + _HOLD_S)
 
-    def measure_stop(self, measurement: StopMeasurement | None) -> None:
-        """Take over the measurement of a STOP, ending an earlier one; None: only end that."""
+    def set_stop_measurement(self, measurement: StopMeasurement | None) -> None:
+        """End the present measurement of a STOP, and run ``measurement`` instead; None: run
+        none.
+        """
         before, self._measurement = self._measurement, measurement
         if before is not None:
             before.end()
         self._wake.set()
 
-    def slew_begins(self) -> None:
-        """Note that a slew is about to be ordered: the lease begins."""
+    def note_slew_order(self) -> None:
+        """Begin the lease and claim the mount, because a slew is about to be ordered."""
         self.lease.begin(self._monotonic_s())
         self.owner.claim()
 
@@ -103,15 +105,15 @@ class MountWatch:
         self._wake.set()
 
     def end(self) -> None:
-        """End the watch; returns when no action of it is under way."""
+        """End the supervision; returns when none of its actions is in progress."""
         self._is_over.set()
         self._wake.set()
         self._thread.join()
 
     def watch_unattended(self) -> None:
-        """Watch after the parent is gone: until the limit, or until another process takes over.
+        """Watch the mount after the parent has ended, until tracking has ended at the limit.
 
-        Returns also when the mount is parked, or moves by an order of another program.
+        Ends earlier where another process takes over, or the mount is parked or moved by others.
         """
         limit_utc_ns = self.lease.open_limit_utc_ns()
         if limit_utc_ns is None or not self.owner.has_claimed or self._mirror.is_parked:
@@ -126,7 +128,7 @@ class MountWatch:
                 return
             self._look_at_limit()
 
-    def finish_stop(self) -> None:
+    def finish_stop_measurement(self) -> None:
         """Finish the measurement of the last STOP after the parent is gone."""
         while self._measurement is not None and not self._measurement.is_over:
             self._measurement.look()
@@ -140,7 +142,7 @@ class MountWatch:
                 self.watch()
 
     def watch(self) -> None:
-        """Check once all that is watched: STOP, tracking state, slew, limit."""
+        """Check once, and act where necessary: STOP, tracking state, slew, limit."""
         self._look_at_stop()
         self._look_at_tracking()
         self._look_at_slew()
@@ -152,12 +154,12 @@ class MountWatch:
 
     def _look_at_tracking(self) -> None:
         held, mirror = self._held, self._mirror
-        if held is None or mirror.is_moving or mirror.says_parked:
+        if held is None or mirror.is_moving or mirror.is_reported_parked:
             return
         is_on, until_s = held
         if self._monotonic_s() > until_s:
             self._held = None
-        elif mirror.says_tracking is not is_on:
+        elif mirror.is_reported_tracking is not is_on:
             try:
                 self._track(is_on)
             except InstrumentError as error:

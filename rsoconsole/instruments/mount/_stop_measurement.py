@@ -17,7 +17,7 @@ from rsoconsole.instruments.motion import Motion, StopMeasure
 
 
 class StopMeasurement:
-    """Measures from the first ABORT until the mount is at rest; call ``look`` repeatedly."""
+    """Measurement from the first ABORT until rest; ``look`` must be called repeatedly."""
 
     def __init__(
         self,
@@ -39,14 +39,14 @@ class StopMeasurement:
         self.is_over = False
 
     def look(self) -> None:
-        """Look once: repeat ABORT where the mount moves; report a change of the motion."""
+        """Check the motion once: repeat ABORT where the mount moves; report a change of motion."""
         if self.is_over:
             return
         if self._polling_ms is None and (self._motion.polling_ms or 0.0) > POLLING_MS:
             self._polling_ms = self._motion.polling_ms
             self._client.send_numbers(POLLING, {"PERIOD_MS": POLLING_MS})
         step = self._measure.step(
-            self._monotonic_s(), self._motion.motion(), is_answered=is_answered(self._client)
+            self._monotonic_s(), self._motion.motion(), is_answered=has_accepted_abort(self._client)
         )
         if step.sends_abort:
             self._client.send_switch(ABORT, "ABORT")
@@ -73,8 +73,8 @@ class StopMeasurement:
         )
 
 
-def is_answered(client: IndiClient) -> bool:
-    """True where the driver has accepted ABORT: it neither refused it nor reports motion."""
+def has_accepted_abort(client: IndiClient) -> bool:
+    """Return True where the driver has not refused ABORT and reports no motion."""
     abort, coordinates = client.get(ABORT), client.get(COORDINATES)
     is_refused = abort is not None and abort.state == "Alert" and not abort.is_definition
     return not is_refused and coordinates is not None and coordinates.state != "Busy"

@@ -14,7 +14,7 @@ from typing import Any
 from rsoconsole.base import InstrumentError
 from rsoconsole.config import IndiConfig, MountConfig, WaitsConfig
 from rsoconsole.instruments.indi.indi_process import IndiProcess, device_settings, drain_messages
-from rsoconsole.instruments.indi.wire_stop import WatchedStop, stop_mount
+from rsoconsole.instruments.indi.wire_stop import StopCallbacks, stop_mount
 from rsoconsole.instruments.motion import REPEATS_FOR_S, Motion
 from rsoconsole.instruments.mount._mount_stop import MountStop
 from rsoconsole.instruments.ports import (
@@ -58,18 +58,16 @@ class IndiMount:
         ``mount``, ``waits`` None: the defaults.
         """
         waits = waits or WaitsConfig()
-        self._order_s = waits.order_s
+        self._order_s = waits.longest_order_s
         self._config, self._mount = config, mount or MountConfig()
         self._latest: MountReport | None = None
         self._tracks_after_stop: bool | None = None
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
         self._slew_end: SlewEnd | None = None
         self._stops: dict[int, MountStop] = {}
-        """STOPs under way, by their numbers."""
         self._stop_numbers = itertools.count(1)
         self._has_order = False
-        """True when something was ordered and the mount has not been measured to be at rest since:
-        a driver that comes back is ordered to stop first."""
+        """True from an order until measured rest: a driver that comes back is stopped first."""
         self.process = IndiProcess(
             name="mount",
             module="rsoconsole.instruments.mount.mount_child",
@@ -81,7 +79,7 @@ class IndiMount:
             },
             log_path=log_path,
             on_event=self._on_event,
-            start_s=waits.connected_s,
+            start_s=waits.longest_connection_s,
             on_start=lambda: {"stops_first": self._has_order},
         )
 
@@ -182,7 +180,7 @@ class IndiMount:
                 else:
                     stop.measured("indi", result.motion)
 
-            watched = WatchedStop(
+            watched = StopCallbacks(
                 on_ordered=lambda: stop.ordered("indi"),
                 on_answered=lambda: stop.answered("indi"),
                 is_over=lambda: stop.leaves_to("mount"),
@@ -259,7 +257,7 @@ class IndiMount:
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         """Renew the lease on motion; never raises, never waits, starts no process.
 
-        Arguments as of ``MountPort.keep``.
+        The arguments are those of ``MountPort.keep``.
         """
         if not self.process.send("keep", lease_s=lease_s, track_until_utc_ns=track_until_utc_ns):
             log.debug("the mount's process did not hear that the mount is watched")
@@ -270,14 +268,11 @@ class IndiMount:
         return None if offset is None else float(offset)
 
     def take_messages(self) -> tuple[str, ...]:
-        """Return messages of the mount's process on actions of its own, since the last call."""
+        """Remove and return the messages of the mount's process about its own actions."""
         return drain_messages(self._messages)
 
     def take_slew_end(self) -> SlewEnd | None:
-        """Return, once, how the mount's process ended the last slew because nothing watched it.
-
-        None where it ended none.
-        """
+        """Return, once, how the mount's process ended an unwatched slew; None: it ended none."""
         taken, self._slew_end = self._slew_end, None
         return taken
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.client_choice import open_client
-from rsoconsole.instruments.indi.indi_child import ReplyWriter, run_child
+from rsoconsole.instruments.indi.indi_child import ReplyWriter, execute_orders
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 from rsoconsole.instruments.indi.reported_motion import (
     ABORT,
@@ -23,7 +23,7 @@ from rsoconsole.instruments.indi.reported_motion import (
     ReportedMotion,
 )
 from rsoconsole.instruments.motion import AfterStop
-from rsoconsole.instruments.mount._mount_halt import Halt
+from rsoconsole.instruments.mount._mount_halt import StopExecutor
 from rsoconsole.instruments.mount._mount_owner import MountOwner
 from rsoconsole.instruments.mount._mount_watch import MountWatch
 from rsoconsole.instruments.mount.mount_lease import Lease
@@ -58,7 +58,7 @@ class MountChild:
         self._client: IndiClient | None = None
         self._mirror: MountMirror | None = None
         self._watch: MountWatch | None = None
-        self._halt: Halt | None = None
+        self._halt: StopExecutor | None = None
         self._motion = ReportedMotion(monotonic_s)
         self._stops = 0
         """Number of STOPs received: an order from before one is not executed behind it."""
@@ -75,7 +75,7 @@ class MountChild:
             before = client.send_switch("SIM_REPORT", "NOW")
             self._expect(COORDINATES, "report", before)
         elif order.get("stops_first"):
-            self._writer.say({"event": "message", "text": CAME_BACK})
+            self._writer.send({"event": "message", "text": CAME_BACK})
             self._ready_halt().end_motion("track")
         if client.has_connected_device and not self._is_simulated:
             # What it tells before its first look is no place of the mount.
@@ -101,20 +101,20 @@ class MountChild:
             stop=lambda: self._ready_halt().end_motion("track"),
             track=self._track,
             park=lambda: client.send_switch(PARK, "PARK"),
-            say=lambda text: self._writer.say({"event": "message", "text": text}),
-            on_ended=lambda unwatched_s, lease_s: self._writer.say(
+            say=lambda text: self._writer.send({"event": "message", "text": text}),
+            on_ended=lambda unwatched_s, lease_s: self._writer.send(
                 {"event": "slew ended", "unwatched_s": unwatched_s, "lease_s": lease_s}
             ),
             monotonic_s=self._monotonic_s,
         )
-        self._halt = Halt(
+        self._halt = StopExecutor(
             client,
             self._mirror,
             self._motion,
             self._watch,
             track=self._track,
             await_report=self._await_report,
-            say=self._writer.say,
+            say=self._writer.send,
             monotonic_s=self._monotonic_s,
         )
         return self._watch
@@ -132,7 +132,7 @@ class MountChild:
             self._watch.lease.renew(self._monotonic_s())
 
     def keep(self, order: dict[str, Any]) -> dict[str, Any]:
-        """Renew the lease, and note when tracking will reach a limit."""
+        """Renew the lease, and set the instant at which tracking must end."""
         if self._watch is not None:
             self._watch.keep(float(order["lease_s"]), order["track_until_utc_ns"])
         return {}
@@ -145,7 +145,7 @@ class MountChild:
             raise InstrumentError("the mount is on its way to its park position: unpark it first")
         self._new_order(order)
         if self._watch is not None:
-            self._watch.slew_begins()
+            self._watch.note_slew_order()
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(
             order["ra_icrs_deg"], order["dec_icrs_deg"], order["now_utc_ns"]
         )
@@ -173,10 +173,12 @@ class MountChild:
         if answer is None:
             raise InstrumentError(
                 f"the mount did not start to slew in {self._answer_s:.0f} s: "
-                f"look at its driver's log. {client.words_since(before)}".rstrip()
+                f"look at its driver's log. {client.driver_message_since(before)}".rstrip()
             )
         if answer.state == "Alert":
-            raise InstrumentError(f"the mount refused to slew: {client.reason_since(before)}")
+            raise InstrumentError(
+                f"the mount refused to slew: {client.failure_reason_since(before)}"
+            )
         return {}
 
     def abort(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -184,7 +186,7 @@ class MountChild:
         return self._ready_halt().end_motion(
             self._after_stop,
             had_tracking=bool(order.get("had_tracking")),
-            on_progress=lambda what: self._writer.say(
+            on_progress=lambda what: self._writer.send(
                 {"event": what, "number": order.get("number"), "at_s": self._monotonic_s()}
             ),
         )
@@ -207,7 +209,7 @@ class MountChild:
         self._new_order(order)
         if mirror.is_parking:
             self._ready_halt().end_motion("track")
-        if mirror.says_parked:
+        if mirror.is_reported_parked:
             before = client.send_switch(PARK, "UNPARK")
             released = self._expect(
                 PARK, "unpark", before, lambda v: v.state == "Alert" or not v.values.get("PARK")
@@ -269,11 +271,11 @@ class MountChild:
         """Return the mount's present state, the fields of a ``MountReport``."""
         return {"report": self._ready()[1].fresh_report()}
 
-    def leave(self, *, is_orderly: bool) -> None:
-        """End motion and restore sidereal tracking; then watch on, unless ``is_orderly``.
+    def shut_down(self, *, is_orderly: bool) -> None:
+        """End motion, restore sidereal tracking; then watch the mount unless ``is_orderly``.
 
-        ``is_orderly``: the parent ordered the end; False: it is just gone. A mount on its way to
-        its park position continues, and a mount at rest stays at rest: both are safe.
+        ``is_orderly``: True where the parent ordered the end; False where it just ended. A mount on
+        its way to its park position continues, and a mount at rest stays at rest: both are safe.
         """
         if self._watch is None or self._mirror is None:
             return
@@ -281,12 +283,12 @@ class MountChild:
         if not self._watch.is_taken_over and not self._mirror.is_parking:
             self._ready_halt().end_motion("track")
             if not (is_orderly or self._is_simulated):
-                self._watch.finish_stop()
+                self._watch.finish_stop_measurement()
         if not is_orderly:
             self._watch.watch_unattended()
         self._watch.owner.release()
 
-    def _ready_halt(self) -> Halt:
+    def _ready_halt(self) -> StopExecutor:
         self._ready()
         assert self._halt is not None
         return self._halt
@@ -305,7 +307,7 @@ class MountChild:
             TRACKING, lambda v: bool(v.values.get(member)), _TRACKING_ASKED_S, answer.serial - 1
         )
         self._await_report(answer.serial)
-        return mirror.says_tracking
+        return mirror.is_reported_tracking
 
     def _new_order(self, order: dict[str, Any]) -> None:
         """End earlier orders: a STOP's measurement, tracking that was to be held.
@@ -313,10 +315,10 @@ class MountChild:
         Raises InstrumentError where STOP has come since the order was sent.
         """
         self._refuse_if_overtaken(order)
-        self._ready()[1].order_begins()
+        self._ready()[1].note_order()
         if self._watch is not None:
             self._watch.hold_tracking(None)
-            self._watch.measure_stop(None)
+            self._watch.set_stop_measurement(None)
 
     def _is_overtaken(self, order: dict[str, Any]) -> bool:
         return int(order.get("stops", self._stops)) != self._stops
@@ -339,16 +341,16 @@ class MountChild:
 
     def _report(self, coordinates: Vector) -> None:
         assert self._mirror is not None
-        self._writer.say(
+        self._writer.send(
             {
                 "event": "report",
                 "report": self._mirror.report(coordinates, self._mirror.now_utc_ns()),
-                "tracks_after_stop": self._mirror.tracking_after("track"),
+                "tracks_after_stop": self._mirror.tracking_to_order("track"),
             }
         )
 
     def _refuse_if_parked(self) -> None:
-        if self._ready()[1].says_parked:
+        if self._ready()[1].is_reported_parked:
             raise InstrumentError("the mount is parked and takes no orders: unpark it first")
 
     def _switch(self, name: str, member: str) -> Vector:
@@ -381,10 +383,12 @@ class MountChild:
         if answer is None:
             raise InstrumentError(
                 f"the mount did not {what} in {self._answer_s:.0f} s: "
-                f"look at its driver's log. {client.words_since(before)}".rstrip()
+                f"look at its driver's log. {client.driver_message_since(before)}".rstrip()
             )
         if answer.state == "Alert":
-            raise InstrumentError(f"the mount refused to {what}: {client.reason_since(before)}")
+            raise InstrumentError(
+                f"the mount refused to {what}: {client.failure_reason_since(before)}"
+            )
         return answer
 
     def _ready(self) -> tuple[IndiClient, MountMirror]:
@@ -399,7 +403,7 @@ def main() -> None:
     orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
     others = [child.set_site, child.site, child.utc_offset]
     try:
-        is_orderly = run_child(
+        is_orderly = execute_orders(
             child._writer,
             slow={order.__name__: order for order in (*orders, *others)},
             urgent={
@@ -410,7 +414,7 @@ def main() -> None:
             },
             on_order=child.on_order,
         )
-        child.leave(is_orderly=is_orderly)
+        child.shut_down(is_orderly=is_orderly)
     finally:
         # The client's threads do not survive an orderly end of the interpreter.
         os._exit(0)

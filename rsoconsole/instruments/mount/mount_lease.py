@@ -1,12 +1,12 @@
-"""How long a mount may go unwatched: a rule without I/O, its clocks are arguments.
+"""Rule for how long a mount may go unwatched; without I/O, its clocks are arguments.
 
-Two promises: a slew that nobody watches is ended, and tracking ends at the instant at which it
-would run into a limit. Both are kept by the mount's own process, whatever becomes of the engine.
+A slew that no engine watches is ended, and tracking ends at the instant at which it would run into
+a limit. The mount's own process does both, even where the engine has died or hangs.
 """
 
 
 class Lease:
-    """The watch over one mount; nothing applies before the first slew or ``keep``."""
+    """Lease of one mount; it begins with the first slew or the first renewal by an engine."""
 
     def __init__(self, lease_s: float) -> None:
         """``lease_s``: wall seconds without any order after which a slew counts as unwatched."""
@@ -16,37 +16,41 @@ class Lease:
         self._done_utc_ns: int | None = None
 
     def begin(self, now_s: float, lease_s: float | None = None) -> None:
-        """A slew was ordered, or an engine says that it watches; ``now_s``: monotonic time."""
+        """Begin the lease at ``now_s`` (monotonic); ``lease_s``: its new length; None: as
+        before.
+        """
         if lease_s is not None:
             self.lease_s = lease_s
         self._ends_s = now_s + self.lease_s
 
     def renew(self, now_s: float) -> None:
-        """Any other order came: what gave it is alive."""
+        """Extend a lease that has begun, because any other order shows that the engine is alive."""
         if self._ends_s is not None:
             self._ends_s = now_s + self.lease_s
 
     def has_lapsed(self, now_s: float) -> bool:
-        """Whether nobody has been heard of for too long."""
+        """Return True where no order has come for the length of the lease."""
         return self._ends_s is not None and now_s >= self._ends_s
 
     def unwatched_s(self, now_s: float) -> float:
-        """For how long nobody has been heard of; 0 before the first slew."""
+        """Return the time since the last order, s; 0 before the first slew."""
         return 0.0 if self._ends_s is None else max(0.0, now_s - self._ends_s + self.lease_s)
 
     def set_limit(self, track_until_utc_ns: int | None) -> None:
-        """The instant at which tracking is to end, in place of the one before; None: no such."""
+        """Set the instant at which tracking must end, in place of the present one; None: no
+        limit.
+        """
         self._limit_utc_ns = track_until_utc_ns
 
     def open_limit_utc_ns(self) -> int | None:
-        """The instant still to come or to be acted on; None where there is none."""
+        """Return the instant at which tracking must end; None without one, or once it is closed."""
         return None if self._limit_utc_ns == self._done_utc_ns else self._limit_utc_ns
 
     def is_past_limit(self, now_utc_ns: int) -> bool:
-        """Whether tracking is to be ended now; no longer once ``close_limit`` said it was."""
+        """Return True where tracking must be ended now: the limit is past and not yet closed."""
         limit_utc_ns = self.open_limit_utc_ns()
         return limit_utc_ns is not None and now_utc_ns >= limit_utc_ns
 
     def close_limit(self) -> None:
-        """Tracking has been ended for the present limit: who then starts it again is let be."""
+        """Note that tracking was ended for the present limit, which then no longer applies."""
         self._done_utc_ns = self._limit_utc_ns

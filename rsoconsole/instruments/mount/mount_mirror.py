@@ -1,6 +1,6 @@
 """State of an INDI mount: what its driver reports, corrected by the measured motion.
 
-A driver's state is a claim. Where the reported directions determine the motion, the motion counts.
+Where the reported directions determine the motion, they count more than the reported state.
 """
 
 import contextlib
@@ -34,8 +34,7 @@ OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
 SILENT_SLEW_S = 10.0
 """Longest silence believed of a driver that slews: drivers then report several times a second."""
 BUSY_AT_REST_S = 10.0
-"""Time after which a mount that was ordered to move and is measured to be at rest has arrived,
-whatever its driver reports: none takes so long to begin."""
+"""Time of measured rest, s, after which an ordered mount has arrived, whatever its driver says."""
 _NS = 1_000_000_000
 
 
@@ -57,20 +56,24 @@ class MountMirror:
         self._monotonic_s, self._time_ns = monotonic_s, time_ns
         self._ordered_s = -math.inf
 
-    def order_begins(self) -> None:
+    def note_order(self) -> None:
         """Note that an order is sent now: earlier measurements no longer count."""
         self._ordered_s = self._monotonic_s()
         self._reported.begin()
 
     @property
     def motion(self) -> Motion:
-        """Motion as measured.
+        """Measured motion of the mount.
 
-        Unknown for a parked mount whose driver no longer polls it: its unchanged coordinates would
-        look like tracking.
+        Unknown for a parked mount whose driver no longer polls it: coordinates that never change
+        would look like tracking.
         """
         motion = self._reported.motion()
-        if motion.kind == "tracks" and self.says_parked and not self._reported.is_fresh:
+        if (
+            motion.kind == "tracks"
+            and self.is_reported_parked
+            and not self._reported.has_recent_report
+        ):
             tracking = self._client.get(TRACKING)
             if tracking is None or not tracking.values.get("TRACK_ON"):
                 return Motion()
@@ -80,18 +83,20 @@ class MountMirror:
     def abilities(self) -> MountAbilities:
         """What the driver can do."""
 
-        return abilities_by({name for name in OFFERED if self._client.get(name) is not None})
+        return abilities_from_properties(
+            {name for name in OFFERED if self._client.get(name) is not None}
+        )
 
     @property
-    def says_parked(self) -> bool:
+    def is_reported_parked(self) -> bool:
         """True when the driver reports that the mount is parked."""
         park = self._client.get(PARK)
         return park is not None and park.state != "Busy" and bool(park.values.get("PARK"))
 
     @property
     def is_parked(self) -> bool:
-        """True when the driver reports it parked, and it is not measured to slew."""
-        return self.says_parked and not self.motion.is_fast
+        """True when the driver reports that the mount is parked, and no slew is measured."""
+        return self.is_reported_parked and not self.motion.is_fast
 
     @property
     def is_parking(self) -> bool:
@@ -100,19 +105,21 @@ class MountMirror:
         return park is not None and park.state == "Busy"
 
     @property
-    def says_moving(self) -> bool:
+    def is_reported_moving(self) -> bool:
         """True while the driver reports that the mount slews or parks."""
         coordinates = self._client.get(COORDINATES)
         return self.is_parking or (coordinates is not None and coordinates.state == "Busy")
 
     @property
     def is_moving(self) -> bool:
-        """True while the mount slews or parks: as measured, else as its driver reports."""
+        """True while the mount slews or parks: as measured, else as its driver reports it."""
         motion = self.motion
         if motion.is_fast:
             return True
         ordered_ago_s = self._monotonic_s() - self._ordered_s
-        return self.says_moving and not (motion.is_at_rest and ordered_ago_s > BUSY_AT_REST_S)
+        return self.is_reported_moving and not (
+            motion.is_at_rest and ordered_ago_s > BUSY_AT_REST_S
+        )
 
     @property
     def is_slewing(self) -> bool:
@@ -120,29 +127,35 @@ class MountMirror:
         return self.is_moving and not self.is_parking and not self.is_parked
 
     @property
-    def says_tracking(self) -> bool:
+    def is_reported_tracking(self) -> bool:
         """True when the driver reports tracking, or reports nothing about tracking.
 
         False for a mount reported as parked.
         """
         tracking = self._client.get(TRACKING)
-        return not self.says_parked and (tracking is None or bool(tracking.values.get("TRACK_ON")))
+        return not self.is_reported_parked and (
+            tracking is None or bool(tracking.values.get("TRACK_ON"))
+        )
 
     @property
     def is_tracking(self) -> bool:
-        """True when the mount is measured to track; where no rest is measured, as reported."""
+        """True when the mount is measured to track; where it is not measured at rest, as
+        reported.
+        """
         motion = self.motion
-        return motion.kind == "tracks" if motion.is_at_rest else self.says_tracking
+        return motion.kind == "tracks" if motion.is_at_rest else self.is_reported_tracking
 
     def now_utc_ns(self) -> int:
-        """The machine's time; in a simulated observatory the instant it last reported."""
+        """Return the machine's time, UTC ns; in a simulated observatory its last reported
+        instant.
+        """
         if not self._is_simulated:
             return self._time_ns()
         sim_time = self._client.get("SIM_TIME")
         return int(sim_time.values["UTC_NS"]) if sim_time is not None else 0
 
-    def tracking_after(self, after_stop: AfterStop) -> bool | None:
-        """Return the tracking state to order after a STOP now; None: leave it."""
+    def tracking_to_order(self, after_stop: AfterStop) -> bool | None:
+        """Return whether a STOP now must turn tracking on or off; None: leave it as it is."""
         return tracking_after_stop(
             after_stop,
             was_slewing=self.is_slewing,
@@ -152,9 +165,9 @@ class MountMirror:
         )
 
     def report(self, coordinates: Vector, t_utc_ns: int) -> dict[str, Any]:
-        """Return the fields of a MountReport for ``coordinates`` at ``t_utc_ns``.
+        """Return the fields of a ``MountReport`` for ``coordinates`` at ``t_utc_ns``.
 
-        Raises InstrumentError where the coordinates are no direction.
+        Raises InstrumentError where the coordinates are not finite numbers.
         """
         ra_deg, dec_deg = jnow_to_icrs(
             hours_to_deg(coordinates.values["RA"]), coordinates.values["DEC"], t_utc_ns
@@ -180,10 +193,10 @@ class MountMirror:
         }
 
     def fresh_report(self) -> dict[str, Any]:
-        """Return the fields of a MountReport for now: the last coordinates still hold.
+        """Return the fields of a ``MountReport`` for now, from the last reported coordinates.
 
-        INDI sends only changes. Raises InstrumentError when those are of a slew and old: the driver
-        is silent.
+        INDI sends only changes, so the last coordinates still hold. Raises InstrumentError when
+        they are old and show a slew: then the driver is silent.
         """
         coordinates = self._client.get(COORDINATES)
         assert coordinates is not None
@@ -199,9 +212,9 @@ class MountMirror:
     def utc_offset_s(self) -> float | None:
         """Return the mount's clock minus the machine's, s; None where not known.
 
-        In a simulated observatory: minus the observatory's clock. Drivers repeat an old time to new
-        clients: a time that the mount reported before this process connected shows only that the
-        mount's clock is not behind that time.
+        In a simulated observatory the observatory's clock is subtracted. Drivers repeat an old time
+        to new clients: of a time reported before this process connected, only a positive offset
+        counts.
         """
         vector = self._client.get(TIME)
         mount_utc_ns = None if vector is None else _utc_ns(str(vector.values.get("UTC") or ""))
@@ -215,7 +228,7 @@ class MountMirror:
         return offset_s if is_fresh or offset_s > 0.0 else None
 
     def site(self) -> dict[str, float] | None:
-        """Return the fields of the site that the mount reports; None where it reports none."""
+        """Return the fields of a ``Site`` as the mount reports it; None where it reports none."""
         vector = self._client.get(SITE)
         if vector is None:
             return None
@@ -226,7 +239,7 @@ class MountMirror:
         }
 
 
-def abilities_by(properties: Collection[str]) -> MountAbilities:
+def abilities_from_properties(properties: Collection[str]) -> MountAbilities:
     """Return the abilities of an INDI driver that has defined these properties."""
     return MountAbilities(
         can_abort=ABORT in properties,

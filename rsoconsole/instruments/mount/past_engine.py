@@ -9,21 +9,22 @@ from rsoconsole.config import Config, IndiConfig, load_config
 from rsoconsole.instruments.ports import StopResult
 
 
-def stop_past_engine(
+def stop_without_engine(
     on_found: Callable[[Mapping[str, Any]], None],
     indi: IndiConfig | None = None,
     *,
     config_path: Path | None = None,
     on_fault: Callable[[str], None] | None = None,
 ) -> None:
-    """Stop the mount by a connection of its own to the INDI server, without the engine.
+    """Stop the mount without the engine, by a connection of its own to the INDI server.
 
-    ``on_found`` is called with results in the form in which an engine answers a STOP: first the
-    driver's answer, then the measured motion. Returns when no more results come: the mount is at
-    rest, or half a minute has passed, in which ABORT is repeated as long as the mount moves.
+    ``on_found``: called with each result, in the form in which an engine answers a STOP: first the
+    driver's answer, then the measured motion. Returns when the mount is at rest, or after half a
+    minute, in which ABORT is repeated while the mount moves.
 
     ``indi``: settings of the session; None: those of the configuration at ``config_path``. Where
-    that cannot be read, ``on_fault`` is called, and the mount of the default settings is stopped.
+    that cannot be read, ``on_fault`` gets the error; without ``indi`` the default mount is
+    stopped.
     """
     from rsoconsole.instruments.indi.wire_stop import stop_mount
 

@@ -99,7 +99,7 @@ class SystemClock:
     def _look(self) -> bool:
         """Look once; return True where there is a fault."""
         with self._looking:
-            found = self._watch.look(read_clocks())
+            found = self._watch.find_faults(read_clocks())
             self._faults += found
         return bool(found)
 
@@ -204,7 +204,7 @@ class SimulatedClock:
     def _first_word(self, timeout_s: float) -> IndiVector | None:
         wait = LongWait("the simulated observatory's clock")
         while wait.waited_s < timeout_s:
-            wait.look()
+            wait.log_if_due()
             left_s = min(_LOOK_S, timeout_s - wait.waited_s)
             first = self._wire.wait(lambda vector: vector.name == "SIM_CLOCK", left_s)
             if first is not None:
@@ -232,7 +232,7 @@ class SimulatedClock:
 def connect_instruments(
     config: Config, *, clock: Clock | None = None, log_dir: Path | None = None
 ) -> Iterator[Instruments]:
-    """Context with the configured mount and camera, connected, and a clock.
+    """Return a context with a clock and the configured mount and camera, connected.
 
     Mount and camera each have a process of their own. Where a weather station or a dome is
     configured, a safety monitor is included.

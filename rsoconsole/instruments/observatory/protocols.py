@@ -57,7 +57,7 @@ def create_camera(context: ProtocolContext) -> CameraPort:
 
 
 def missing_protocol(config: Config) -> str | None:
-    """Return a sentence on a configured protocol that is not installed; None for none."""
+    """Return the error of a configured protocol that cannot be used; None without one."""
     named = (
         ("mount", MOUNTS, config.instruments.mount),
         ("camera", CAMERAS, config.instruments.camera),

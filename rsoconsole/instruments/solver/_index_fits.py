@@ -23,7 +23,7 @@ _SAMPLE = 5000
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class IndexTable:
     """One table of an index file, rows of bytes."""
 
     name: str
@@ -40,11 +40,11 @@ class IndexHeader:
 
     cards: dict[str, str]
     """Primary header: keyword to value as written, strings without their quotes."""
-    tables: tuple[Table, ...]
+    tables: tuple[IndexTable, ...]
     expected_size: int
     """Size of the complete file, bytes; a shorter file is truncated."""
 
-    def table(self, name: str) -> Table:
+    def table(self, name: str) -> IndexTable:
         """Return the table of this name. Raises SolverError when there is none."""
         for table in self.tables:
             if table.name == name:
@@ -66,9 +66,9 @@ def read_header(path: Path) -> IndexHeader:
 
 
 def dec_limits_deg(path: Path, header: IndexHeader) -> tuple[float, float]:
-    """Return the least and greatest declination of the stars, deg; good to about 0.1 deg.
+    """Return the least and greatest declination of the stars, deg, to about 0.1 deg.
 
-    From an even sample of the stars in the file.
+    Both are those of a sample of stars spread evenly over the file.
     """
     low, scale = _star_range(path, header)
     data = header.table("kdtree_data_stars")
@@ -108,15 +108,15 @@ def _value(text: str) -> str:
     return text.partition("/")[0].strip()
 
 
-def _read_tables(stream: BinaryIO, path: Path) -> tuple[tuple[Table, ...], int]:
+def _read_tables(stream: BinaryIO, path: Path) -> tuple[tuple[IndexTable, ...], int]:
     size = path.stat().st_size
-    tables: list[Table] = []
+    tables: list[IndexTable] = []
     end = stream.tell()
     while end < size:
         stream.seek(end)
         cards = _read_cards(stream, path)
         row_bytes, rows = int(cards["NAXIS1"]), int(cards["NAXIS2"])
         offset = stream.tell()
-        tables.append(Table(cards.get("TTYPE1", ""), row_bytes, rows, offset))
+        tables.append(IndexTable(cards.get("TTYPE1", ""), row_bytes, rows, offset))
         end = offset + -(-row_bytes * rows // _BLOCK) * _BLOCK
     return tuple(tables), end

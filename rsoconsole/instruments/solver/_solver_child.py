@@ -38,7 +38,7 @@ class SolverChild:
         with self._lock:
             self._running()
 
-    def ask(self, request: MatchRequest, deadline_s: float) -> MatchReply:
+    def request_match(self, request: MatchRequest, deadline_s: float) -> MatchReply:
         """Send a request; return the reply, or a reply whose ``error`` says what went wrong.
 
         ``deadline_s`` (wall time) counts from when the process is ready: a process that is still
@@ -83,7 +83,7 @@ class SolverChild:
     def _await_ready(self, connection: Connection) -> None:
         wait = LongWait("the plate solver's process to start")
         while not connection.poll(_LOOK_S):
-            wait.look()
+            wait.log_if_due()
             if wait.waited_s >= self._start_s:
                 self._child.end()
                 raise SolverError(

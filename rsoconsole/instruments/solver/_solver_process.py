@@ -31,8 +31,7 @@ class MatchRequest:
     position_deg: tuple[float, float, float] | None
     """RA, Dec and radius of the search, deg; None: the whole sky is searched."""
     depths: tuple[int, ...]
-    """Numbers of stars of successive searches: quads are built of the first depths[0] stars, then
-    with stars up to depths[1], and so on."""
+    """Star counts of successive searches: quads of depths[0] stars, then up to depths[1] etc."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +66,7 @@ def main(socket_fd: int) -> None:
         _say(connection, str(error))
     else:
         _say(connection, "")
-    searcher = Searcher()
+    searcher = IndexSearcher()
     while True:
         request = requests.get()
         try:
@@ -88,14 +87,14 @@ def _say(connection: Connection, word: str | MatchReply) -> None:
         os._exit(0)
 
 
-class Searcher:
-    """Keeps index files open and searches them."""
+class IndexSearcher:
+    """Search in index files, which it keeps open."""
 
     def __init__(self) -> None:
         self._solvers: dict[tuple[str, ...], Any] = {}
 
     def search(self, request: MatchRequest) -> MatchReply:
-        """Search; stop at the first plate that is beyond doubt (odds of a billion to one)."""
+        """Search for the stars' plate; stop at the first match with odds of a billion to one."""
         import astrometry
 
         position = None

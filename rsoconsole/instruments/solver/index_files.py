@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import SolverError, resource, system_errors_as
+from rsoconsole.base import SolverError, resource_path, system_errors_as
 from rsoconsole.config import data_dir
 from rsoconsole.instruments.solver._index_fits import dec_limits_deg, read_header
 
@@ -37,9 +37,7 @@ class IndexFile:
     scale: int | None = None
     """Number n in the 4100 series; None for a file of another series."""
     quad_deg: tuple[float, float] = (0.0, 0.0)
-    """Least and greatest size of its star quads, deg."""
     dec_deg: tuple[float, float] = (0.0, 0.0)
-    """Least and greatest declination of its stars, deg."""
     size_bytes: int = 0
     fault: str = ""
     """What is wrong with the file; empty for a usable file."""
@@ -60,9 +58,9 @@ class IndexFile:
         return self.dec_span_deg > 150.0
 
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
-        """True where a field within ``radius_deg`` of this declination may show its stars.
+        """Return True where part of a field may hold stars of this file, by declination alone.
 
-        The declination alone is compared; part of a field is enough.
+        The field reaches ``radius_deg`` from this declination.
         """
         margin = 0.2  # the limits are those of a sample of the stars
         return (
@@ -78,10 +76,10 @@ def user_index_dir() -> Path:
 
 def shipped_index_dir() -> Path:
     """Return the folder of the index files shipped with the program, for |dec| <= 12 deg."""
-    return resource("instruments", "data", "index")
+    return resource_path("instruments", "data", "index")
 
 
-def search_dirs(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
+def folders_to_search(configured: Sequence[Path] = ()) -> tuple[Path, ...]:
     """Return the folders to search: configured folders, the user's, the system's, the shipped.
 
     Of equal index files, the first one found in this order is used.
@@ -99,15 +97,15 @@ def list_index_files(dirs: Iterable[Path]) -> tuple[IndexFile, ...]:
     found: list[IndexFile] = []
     for folder in dirs:
         if folder.is_dir():
-            found += [examine(path) for path in sorted(folder.glob("index-*.fits"))]
+            found += [inspect_index_file(path) for path in sorted(folder.glob("index-*.fits"))]
     return tuple(found)
 
 
-def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
-    """Return the numbers n of the 4100 series for a field of (width, height) deg.
+def needed_tycho_numbers(field_deg: tuple[float, float]) -> tuple[int, ...]:
+    """Return the numbers n of the 4100 series that suit a field of (width, height) deg.
 
-    Those whose quads measure about a third of the shorter side to the whole of it. Raises
-    SolverError for a field too small for Tycho-2.
+    They are the numbers whose quads measure from about a third of the field's shorter side to the
+    whole of it. Raises SolverError for a field too small for Tycho-2.
     """
     short_arcmin = 60.0 * min(field_deg)
     scales = tuple(n for n in SERIES_SCALES if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
@@ -117,7 +115,7 @@ def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
         return (SERIES_SCALES[-1],)
     if short_arcmin >= 15.0:
         return (SERIES_SCALES[0],)
-    finer = ", ".join(series_name(n) for n in wanted_numbers(short_arcmin))
+    finer = ", ".join(series_name(n) for n in fitting_index_numbers(short_arcmin))
     raise SolverError(
         f"a field of {short_arcmin:.1f} arcmin holds too few Tycho-2 stars: "
         + (
@@ -129,24 +127,25 @@ def needed_scales(field_deg: tuple[float, float]) -> tuple[int, ...]:
     )
 
 
-def wanted_numbers(short_arcmin: float) -> tuple[int, ...]:
-    """Return the numbers n, of any series, for a field's shorter side.
+def fitting_index_numbers(short_arcmin: float) -> tuple[int, ...]:
+    """Return the numbers n, of any series, that suit a field's shorter side.
 
-    Those whose quads measure about a third of the side to the whole of it.
+    They are the numbers whose quads measure from about a third of the side to the whole of it.
     """
     every = range(len(QUAD_ARCMIN) - 1)
     return tuple(n for n in every if 0.35 * short_arcmin <= QUAD_ARCMIN[n] < short_arcmin)
 
 
 def series_name(number: int) -> str:
-    """Return the name of index files of number n at data.astrometry.net, such as 5204 or 4107.
+    """Return the name of the index files of scale ``number``: 5204 for 4, 4107 for 7.
 
-    Series 4100 (Tycho-2) for larger quads; 5200 (Gaia) where Tycho-2 has too few stars.
+    The prefix is 41 (Tycho-2) for large quads, 52 (Gaia) for small ones, where Tycho-2 has too few
+    stars. The files are those of data.astrometry.net.
     """
     return f"{41 if number in SERIES_SCALES else 52}{number:02d}"
 
 
-def missing_numbers(
+def missing_index_numbers(
     files: Sequence[IndexFile],
     *,
     short_arcmin: float,
@@ -163,10 +162,10 @@ def missing_numbers(
         for file in files
         if file.is_healthy and (dec_icrs_deg is None or file.covers(dec_icrs_deg, radius_deg))
     }
-    return tuple(n for n in wanted_numbers(short_arcmin) if n not in present)
+    return tuple(n for n in fitting_index_numbers(short_arcmin) if n not in present)
 
 
-def missing_words(numbers: Sequence[int]) -> str:
+def missing_index_advice(numbers: Sequence[int]) -> str:
     """Return a sentence on how to get missing index files; empty where none is missing."""
     parts = []
     if finer := [series_name(n) for n in numbers if n not in SERIES_SCALES]:
@@ -207,7 +206,7 @@ def choose_index_files(
     return tuple(sorted(chosen.values(), key=lambda f: (f.quad_deg, f.path.name)))
 
 
-def examine(path: Path) -> IndexFile:
+def inspect_index_file(path: Path) -> IndexFile:
     """Return a description of one file, usable or not."""
     try:
         state = path.stat()
@@ -254,7 +253,7 @@ _COPY_CHUNK = 4 << 20
 _POLL_S = 0.5
 
 
-def install(
+def install_index_files(
     scales: Sequence[int],
     *,
     from_dir: Path | None = None,
@@ -332,7 +331,7 @@ def _download(scales: list[int], target: Path, report: Progress) -> None:
     for scale in scales:
         total = astrometry.series_4100.size({scale})
         fetched = _fetch(scale, cache, total, report)
-        found = examine(fetched)
+        found = inspect_index_file(fetched)
         if not found.is_healthy or fetched.stat().st_size != total:
             fetched.unlink(missing_ok=True)
             raise SolverError(

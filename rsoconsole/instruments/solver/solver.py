@@ -1,9 +1,9 @@
-"""The plate solver: from star positions in a frame to the frame's plate solution.
+"""Plate solver: from star positions in a frame to the frame's plate solution.
 
 A full solution matches quads of stars in a process of its own (``_solver_process``), then fits the
 plate to every catalogue star in the field, at the star's position on the day of the frame. The fast
-path instead moves the last plate. A field that cannot be solved is a value, ``NotSolved``, that
-says why.
+path instead moves the last plate. Where a field cannot be solved, the result is a ``NotSolved``,
+which gives the reason.
 """
 
 import itertools
@@ -22,21 +22,21 @@ from rsoconsole.instruments.solver._solver_process import MatchReply, MatchReque
 from rsoconsole.instruments.solver.index_files import (
     IndexFile,
     choose_index_files,
+    folders_to_search,
     list_index_files,
-    missing_numbers,
-    missing_words,
-    search_dirs,
+    missing_index_advice,
+    missing_index_numbers,
     series_name,
 )
 from rsoconsole.records import FloatArray, NotSolved, PlatePath, Solution
-from rsoconsole.sky import J2000_JYEAR, StarCatalogue, describe, julian_year, wcs_from_cards
+from rsoconsole.sky import J2000_JYEAR, StarCatalogue, describe_field, julian_year, wcs_from_cards
 from rsoconsole.vision import (
     MIN_SHIFT_STARS,
     PlateFit,
     StarList,
     field_radius_deg,
     refit,
-    refit_from,
+    refit_moved_plate,
     shift_plate,
     solution_from,
 )
@@ -53,7 +53,7 @@ _KNOWN_SCALE = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolveHint:
-    """What is known of a field's position and scale; None for what is not known."""
+    """Known position and scale of a field; None for values that are not known."""
 
     ra_icrs_deg: float | None = None
     dec_icrs_deg: float | None = None
@@ -83,13 +83,13 @@ class PlateSolver:
     def __init__(
         self, index_dirs: Sequence[Path] = (), *, start_s: float = WaitsConfig().process_s
     ) -> None:
-        """``index_dirs``: folders searched before the usual ones (``index_files.search_dirs``).
+        """``index_dirs``: folders searched before the usual ones (``folders_to_search``).
 
         Catalogue stars outside the shipped belt of declination are read when first needed.
         ``start_s``: longest time for the solver process to start. Raises SolverError when there is
         no usable index file.
         """
-        self._files = list_index_files(search_dirs(tuple(index_dirs)))
+        self._files = list_index_files(folders_to_search(tuple(index_dirs)))
         if not any(file.is_healthy for file in self._files):
             faults = "; ".join(f"{f.path.name} {f.fault}" for f in self._files)
             raise SolverError(f"no usable index files ({faults or 'none found'}): {_INSTALL}")
@@ -165,10 +165,12 @@ class PlateSolver:
         """Move the previous plate onto this frame's stars: the fast path, a few milliseconds.
 
         ``shift_deg``: ordered move of the telescope since then, differences (RA, Dec) in degrees,
-        wrong by up to ``search_arcsec``. ``t_utc_ns``: as for ``solve``. ``may_be_few``: where the
-        stars are too few to fit a plate, accept the previous plate shifted onto a few of them.
+        with errors of up to ``search_arcsec``. ``t_utc_ns``: as for ``solve``. ``may_be_few``:
+        where the stars are too few to fit a plate, accept the previous plate, shifted, if a few
+        match.
 
-        Returns None when the plate does not fit, as in another field: then call ``solve``.
+        Returns None when the plate does not fit, for example in another field: then call
+        ``solve``.
         """
         started = time.monotonic()
         rows = as_star_rows(stars)
@@ -183,7 +185,7 @@ class PlateSolver:
                 radius_deg,
                 _epoch_of(t_utc_ns),
             )
-        fit = refit_from(
+        fit = refit_moved_plate(
             previous.wcs,
             rows[:, :2],
             catalogue,
@@ -234,20 +236,22 @@ class PlateSolver:
             position_deg=hint.position_deg,
             depths=_DEPTHS,
         )
-        reply = self._child.ask(request, deadline_s)
+        reply = self._child.request_match(request, deadline_s)
         if reply.wcs_cards is not None:
             return reply
         return reply.error or f"no match for {len(rows)} stars{_search_words(hint, files)}{finer}"
 
-    def missing_index(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[int, ...]:
-        """Return the numbers of index files that the field needs and that are missing.
+    def missing_numbers_for_field(
+        self, hint: SolveHint, width_px: int, height_px: int
+    ) -> tuple[int, ...]:
+        """Return the numbers of the missing index files that a field needs, finest first.
 
-        Finest first; () where the hint leaves the scale open.
+        Empty where the hint does not determine the scale.
         """
         low, high = hint.scale_arcsec_px
         if high > _KNOWN_SCALE * low:
             return ()
-        return missing_numbers(
+        return missing_index_numbers(
             self._files,
             short_arcmin=min(width_px, height_px) * math.sqrt(low * high) / 60.0,
             dec_icrs_deg=hint.dec_icrs_deg if hint.position_deg else None,
@@ -271,13 +275,13 @@ class PlateSolver:
                 f"; a field {longest_deg:.0f} deg long is wider than the {_WIDEST_DEG:.0f} deg of a"
                 " flat plate: cut out its middle"
             )
-        missing = self.missing_index(hint, width_px, height_px)
+        missing = self.missing_numbers_for_field(hint, width_px, height_px)
         if not missing:
             return ""
         field = " x ".join(
             f"{px * math.sqrt(low * high) / 60.0:.3g}" for px in (width_px, height_px)
         )
-        return f"; a field of {field} arcmin wants index files {missing_words(missing)}"
+        return f"; a field of {field} arcmin wants index files {missing_index_advice(missing)}"
 
     def _files_for(self, hint: SolveHint, width_px: int, height_px: int) -> tuple[IndexFile, ...]:
         """Index files whose quads are 10 to 100 % of a field that the hint allows."""
@@ -303,7 +307,7 @@ class PlateSolver:
             start = wcs_from_cards(reply.wcs_cards or {})
         except FrameError:
             return None
-        field = describe(start, width_px, height_px)
+        field = describe_field(start, width_px, height_px)
         radius_deg = field_radius_deg(start, width_px, height_px)
         catalogue = self._cone(field.ra_icrs_deg, field.dec_icrs_deg, radius_deg, epoch_jyear)
         fit = refit(stars[:, :2], catalogue, start, width_px=width_px, height_px=height_px)

@@ -74,7 +74,7 @@ class IodObservation:
     position_sigma_arcsec: float | None
 
 
-def parse_iod(line: str) -> IodObservation:
+def parse_iod_line(line: str) -> IodObservation:
     """Parse one IOD line. Raises ExportError for a line of another form."""
     match = _LINE.match(line.rstrip("\r\n"))
     if match is None:
@@ -84,7 +84,7 @@ def parse_iod(line: str) -> IodObservation:
     code = None if found["code"] is None else int(found["code"])
     first, second = None, None
     if code is not None:
-        first, second = angles_of(code, found["first"], found["sign"], found["second"])
+        first, second = parse_angles_deg(code, found["first"], found["sign"], found["second"])
     cospar = None
     if found["norad"] is not None:
         cospar = f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
@@ -123,7 +123,7 @@ def _mx(text: str) -> float:
     return int(text[0]) * 10.0 ** (int(text[1]) - 8)
 
 
-def angles_of(code: int, first: str, sign: str, second: str) -> tuple[float, float]:
+def parse_angles_deg(code: int, first: str, sign: str, second: str) -> tuple[float, float]:
     """Return both angles of an IOD or UK line, degrees.
 
     ``code``: the angle format; ``sign``: of the second angle. Missing digits at the end count as
@@ -194,7 +194,7 @@ _UK_LINE = re.compile(
 )
 
 
-def parse_uk(line: str) -> IodObservation:
+def parse_uk_line(line: str) -> IodObservation:
     """Parse one UK line. Raises ExportError for a line of another form."""
     match = _UK_LINE.match(line.rstrip("\r\n"))
     if match is None:
@@ -202,7 +202,7 @@ def parse_uk(line: str) -> IodObservation:
     found = match.groupdict()
     t_utc_ns, step_ns = _uk_instant(found["date"], found["time"])
     code = int(found["code"])
-    first, second = angles_of(code, found["first"], found["sign"], found["second"])
+    first, second = parse_angles_deg(code, found["first"], found["sign"], found["second"])
     return IodObservation(
         norad_id=None,
         cospar=f"{full_year(found['year'])}-{found['launch']}{_piece(int(found['piece']))}",
@@ -218,7 +218,7 @@ def parse_uk(line: str) -> IodObservation:
     )
 
 
-def is_uk(line: str) -> bool:
+def is_uk_line(line: str) -> bool:
     """True where a line has the columns of a UK line."""
     return _UK_LINE.match(line.rstrip("\r\n")) is not None
 

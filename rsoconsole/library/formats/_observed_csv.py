@@ -1,8 +1,8 @@
 """Reader of observations in tables with named columns: CSV, ECSV and JSON lines.
 
-The tables are this program's own or others'. A column is known by its name, in which capitals and
+The tables are this program's or from elsewhere. A column is identified by its name; capitals and
 the spelling of the unit do not matter. Angles are in degrees unless the name says ``_rad`` or
-``_hours``; sigmas are in arcsec on the sky unless the name says ``_deg``.
+``_hours``; sigmas are in arcsec on the sky.
 """
 
 import csv
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import ExportError, json_of, value_errors_as
+from rsoconsole.base import ExportError, parse_json, value_errors_as
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
 
@@ -109,7 +109,7 @@ def _first_names(line: str) -> Sequence[str]:
     if not line.lstrip().startswith("{"):
         return re.split(r"[,;\t ]+", line)
     try:
-        values = json_of(line)
+        values = parse_json(line)
     except ValueError:
         return ()
     return list(values) if isinstance(values, dict) else ()
@@ -140,7 +140,7 @@ def _of_json_lines(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]
             continue
         where = f"{name}, line {number}"
         with value_errors_as(ExportError, f"{where}: "):
-            values = json_of(line)
+            values = parse_json(line)
         if not isinstance(values, dict):
             raise ExportError(f"{where}: an object belongs there")
         yield where, {key: "" if v is None else str(v) for key, v in values.items()}
@@ -253,7 +253,7 @@ def ecsv_site(text: str) -> Site | None:
     return Site(**values)
 
 
-def stations_of(path: Path, text: str) -> dict[str, Site]:
+def read_station_sites(path: Path, text: str) -> dict[str, Site]:
     """Read a file of stations: their sites by station number.
 
     A line is ``2701 ME 43.6876 -79.3924 230 Name``: number, letters, latitude and longitude

@@ -16,7 +16,7 @@ _MIDDLE_BY_HALVES = {"START": 1, "MIDDLE": 0, "END": -1}
 _ABERRATIONS = ("CORRECTION_ABERRATION_YEARLY", "CORRECTION_ABERRATION_DIURNAL")
 
 
-def rows_of_tdm(message: Tdm, name: str) -> tuple[ObservedRow, ...]:
+def observed_rows_of_tdm(message: Tdm, name: str) -> tuple[ObservedRow, ...]:
     """Return the RA-Dec directions of a message at mid-exposure, with its corrections applied.
 
     ``name`` is what errors call the message. Raises ExportError where it has no usable directions.

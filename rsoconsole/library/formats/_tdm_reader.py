@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rsoconsole.base import ExportError
-from rsoconsole.library.formats.tdm import lines_of_xml
+from rsoconsole.library.formats.tdm import tdm_lines_from_xml
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
 
@@ -111,7 +111,7 @@ def parse_tdm(text: str, name: str = "the message") -> Tdm:
     text = text.removeprefix("\ufeff")
     is_xml = text.lstrip().startswith("<")
     parser = _Parser(name=name, unit="element" if is_xml else "line")
-    lines = lines_of_xml(text.lstrip(), name) if is_xml else text.split("\n")
+    lines = tdm_lines_from_xml(text.lstrip(), name) if is_xml else text.split("\n")
     for number, line in enumerate(lines, start=1):
         stripped = line.strip()
         if stripped:

@@ -14,12 +14,12 @@ from typing import Any, Literal, get_args
 from rsoconsole.base import ExportError, system_errors_as, write_durably
 from rsoconsole.library.formats import solved_fits as on_record
 from rsoconsole.library.formats.iod import STATION, check_station, site_line, to_iod
-from rsoconsole.library.formats.night import ExportedNight, read_night
+from rsoconsole.library.formats.night import ExportedNight, read_exported_night
 from rsoconsole.library.formats.rows import COLUMNS, MeasuredRow
 from rsoconsole.library.formats.solved_fits import solved_fits, to_regions
-from rsoconsole.library.formats.tables import utc_time
+from rsoconsole.library.formats.tables import to_astropy_time
 from rsoconsole.library.formats.target import Target
-from rsoconsole.library.formats.tdm import ORIGINATOR, to_tdm, unclipped, xml_of
+from rsoconsole.library.formats.tdm import ORIGINATOR, tdm_to_xml, to_tdm, unclipped_rows
 from rsoconsole.words import utc_ns_to_iso
 
 MARKING = "U"
@@ -32,13 +32,14 @@ _DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
 
 
 def to_udl(night: ExportedNight, tracks: Iterable[int], options: "ExportOptions") -> str:
-    """Return the measurements of these tracks as JSON, in EOObservation records of the UDL.
+    """Return the measurements of these tracks as JSON for the UDL (Unified Data Library).
 
-    Streaks cut by the frame's edge are left out. Of ``options``, target and originator are used.
+    EOObservation records, without clipped streaks; of ``options`` target and originator are
+    used.
     """
     found: list[dict[str, Any]] = []
     for track in tracks:
-        rows = unclipped(night.of_track(track))
+        rows = unclipped_rows(night.track_measurements(track))
         places = ["FIRST", *["IN"] * (len(rows) - 2), "LAST"] if len(rows) > 1 else ["SINGLE"]
         found += [
             _record(night, track, row, place, options)
@@ -114,18 +115,20 @@ def to_jsonl(rows: Iterable[MeasuredRow]) -> str:
 def to_ecsv(night: ExportedNight) -> str:
     """Return a session's measurements as ECSV, with units and descriptions of the columns.
 
-    The table's ``meta`` is ``ExportedNight.facts``. Read by astropy, ``t_mid_utc`` is a ``Time``
-    and ``direction`` a ``SkyCoord``.
+    The table's ``meta`` is ``ExportedNight.table_metadata``. When astropy reads it, ``t_mid_utc``
+    is a ``Time`` and ``direction`` a ``SkyCoord``.
     """
     import numpy as np
     from astropy.coordinates import SkyCoord
     from astropy.table import MaskedColumn, Table
 
     types = {"integer": "int64", "real": "float64", "truth": "bool"}
-    table = Table(meta=night.facts())
+    table = Table(meta=night.table_metadata())
     for column in COLUMNS:
         if column.name == TIME:
-            table[TIME] = utc_time(np.array([row.t_mid_utc_ns for row in night.rows], np.int64))
+            table[TIME] = to_astropy_time(
+                np.array([row.t_mid_utc_ns for row in night.rows], np.int64)
+            )
             table[TIME].info.description = column.meaning
             continue
         values = [row.value(column.name) for row in night.rows]
@@ -199,7 +202,7 @@ class ExportOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Export:
+class ExportResult:
     """Result of an export."""
 
     path: Path | None = None
@@ -215,7 +218,7 @@ class Export:
 
 def export(
     session: Path, kind: Format, out: Path | None = None, options: ExportOptions | None = None
-) -> Export:
+) -> ExportResult:
     """Write a session or a branch in another format; each file is written whole or not at all.
 
     ``out``: a file, or for ``fits`` and ``regions`` a folder; None: ``branches/exports`` in the
@@ -235,8 +238,8 @@ def export(
 
 
 def save_text(
-    session: Path, text: str, made: Export, out: Path | None, *, is_forced: bool
-) -> Export:
+    session: Path, text: str, made: ExportResult, out: Path | None, *, is_forced: bool
+) -> ExportResult:
     """Write an exported text to ``out``, or with None to the session's folder of exports.
 
     ``made``: summary of the export, returned with the path added; ``is_forced``: overwrite an
@@ -250,12 +253,12 @@ def save_text(
     return replace(made, path=path, files=(path,))
 
 
-def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str, Export]:
+def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str, ExportResult]:
     """Return the text of an export and the export's summary, without writing a file.
 
     Raises as ``export`` does.
     """
-    night = read_night(session, everything=options.everything and kind not in MESSAGES)
+    night = read_exported_night(session, everything=options.everything and kind not in MESSAGES)
     if kind in MESSAGES:
         return _messages(night, kind, options)
     texts = {
@@ -263,7 +266,7 @@ def render(session: Path, kind: TextFormat, options: ExportOptions) -> tuple[str
         "ecsv": lambda: to_ecsv(night),
         "jsonl": lambda: to_jsonl(night.rows),
     }
-    made = Export(
+    made = ExportResult(
         format=kind,
         measurements=len(night.rows),
         tracks=len(night.tracks),
@@ -288,7 +291,7 @@ def write_file(path: Path, content: bytes, *, is_forced: bool) -> None:
         write_durably(path, content)
 
 
-def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[str, Export]:
+def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[str, ExportResult]:
     """Message of what tracks took, without streaks cut by a frame's edge, and its summary."""
     tracks = night.tracks if options.track is None else (options.track,)
     if not set(tracks) <= set(night.tracks):
@@ -298,8 +301,8 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
         raise ExportError(
             f"the session has {len(tracks)} tracks: --track says which of them has that number"
         )
-    taken = [row for track in tracks for row in night.of_track(track)]
-    sent = unclipped(tuple(taken))
+    taken = [row for track in tracks for row in night.track_measurements(track)]
+    sent = unclipped_rows(tuple(taken))
     if not sent:
         raise ExportError(
             "no track took anything in this session: there is nothing to report; "
@@ -311,7 +314,7 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
         "taken by no track": sum(row.track is None for row in night.rows),
         "of other tracks": sum(row.track is not None for row in night.rows) - len(taken),
     }
-    made = Export(
+    made = ExportResult(
         format=kind,
         measurements=len(sent),
         tracks=len(tracks),
@@ -338,13 +341,13 @@ def _text_of(
         created_utc_ns=time.time_ns(),
         originator=options.originator,
     )
-    return xml_of(text) if kind == "tdm-xml" else text
+    return tdm_to_xml(text) if kind == "tdm-xml" else text
 
 
 def _export_frames(
     session: Path, kind: FrameFormat, out: Path | None, options: ExportOptions
-) -> Export:
-    night = read_night(session)
+) -> ExportResult:
+    night = read_exported_night(session)
     frames = on_record.frames_on_record(session, night.rows)
     numbers = on_record.selected_frames(frames, options.frames)
     left_out: dict[str, int] = {}
@@ -371,7 +374,7 @@ def _export_frames(
         is_fits = kind == "fits"
         content = solved_fits(frame, night.config) if is_fits else to_regions(frame).encode()
         write_file(path, content, is_forced=True)
-    return Export(
+    return ExportResult(
         path=folder,
         files=tuple(paths),
         format=kind,

@@ -15,7 +15,7 @@ from rsoconsole.base import ExportError
 from rsoconsole.library.formats.night import ExportedNight
 from rsoconsole.library.formats.rows import MeasuredRow
 from rsoconsole.library.formats.target import Target
-from rsoconsole.library.formats.tdm import unclipped
+from rsoconsole.library.formats.tdm import unclipped_rows
 from rsoconsole.sky import largest_sigma, tai_minus_utc_s, wrap_180, wrap_360
 from rsoconsole.words import NS_PER_DAY, utc_ns_to_iso
 
@@ -51,7 +51,7 @@ def to_iod(
     check_station(station, sky)
     offset_s = night.about.get("clock_offset_s")
     clock_s = float(offset_s) if isinstance(offset_s, int | float) else 0.0
-    rows = [row for track in tracks for row in unclipped(night.of_track(track))]
+    rows = [row for track in tracks for row in unclipped_rows(night.track_measurements(track))]
     rows.sort(key=lambda row: row.t_mid_utc_ns)
     return "".join(
         _line(
@@ -95,7 +95,7 @@ def _line(
 ) -> str:
     """One IOD line; ``sigmas_s``: error of the time in the position's covariance, and in all."""
     shutter_s, time_sigma_s = sigmas_s
-    instant = utc_ns_to_iso(rounded_to_ms_ns(row.t_mid_utc_ns))
+    instant = utc_ns_to_iso(round_to_ms_utc_ns(row.t_mid_utc_ns))
     digits = re.sub(r"\D", "", instant)
     name = target.iod_name(row.track or 0, int(instant[:4]))
     position = mantissa_exponent_code(position_sigma_arcsec(row, shutter_s) / 60.0)
@@ -104,8 +104,8 @@ def _line(
     return f"{name} {station} {sky} {digits} {timing} 25 {angles} {position}"
 
 
-def rounded_to_ms_ns(t_utc_ns: int) -> int:
-    """Round an instant to 1 ms, but never up across a leap second.
+def round_to_ms_utc_ns(t_utc_ns: int) -> int:
+    """Round an instant to 1 ms, but never up across a leap second; return UTC nanoseconds.
 
     Rounding up across it would shift the instant by a second.
     """
@@ -117,11 +117,11 @@ def rounded_to_ms_ns(t_utc_ns: int) -> int:
 
 
 def position_sigma_arcsec(row: MeasuredRow, shutter_sigma_s: float = 0.0) -> float:
-    """Return the error of the position in a line, arcsec: one sigma along the longer axis.
+    """Return one sigma of a line's position along its error ellipse's longer axis, arcsec.
 
     The format's rounding is included. ``shutter_sigma_s``: part of the time's error that is also in
-    the measurement's covariance, s. The line states the time's error separately, and readers add it
-    to the position along the motion; so it is taken out of the position's error here.
+    the measurement's covariance, s. Its effect is subtracted here, because the line states the
+    time's error separately, and readers add that to the position along the motion.
     """
     east2, cross, north2 = _without(row.cov_sky_arcsec2, shutter_sigma_s, _rate_arcsec_s(row))
     cos_dec = math.cos(math.radians(row.dec_icrs_deg))
@@ -160,7 +160,7 @@ def _rate_arcsec_s(row: MeasuredRow) -> tuple[float, float]:
 
 
 def mantissa_exponent_code(value: float) -> str:
-    """Return the code ``MX`` of a value, which means M x 10^(X - 8) with one digit M.
+    """Return the two digits ``MX`` that stand for a value of M x 10^(X - 8).
 
     The range is 1e-8 to 90; a value beyond it gets the nearest code.
     """

@@ -7,9 +7,9 @@ from typing import Any
 
 from rsoconsole import __version__
 from rsoconsole.config import Config
-from rsoconsole.library.formats.rows import MeasuredRow, row_of
+from rsoconsole.library.formats.rows import MeasuredRow, make_measured_row
 from rsoconsole.night import NightFrame, frames_of
-from rsoconsole.pipeline import shutter_time, usual_sigma_s
+from rsoconsole.pipeline import frame_timing, usual_timing_sigma_s
 from rsoconsole.records import (
     Detections,
     FollowedAgain,
@@ -20,7 +20,7 @@ from rsoconsole.records import (
     Ruling,
     TrackState,
 )
-from rsoconsole.session import SessionReader, clock_notes
+from rsoconsole.session import SessionReader, clock_fault_lines
 from rsoconsole.words import text
 
 KINDS = (
@@ -56,11 +56,11 @@ class ExportedNight:
 
     @property
     def tracks(self) -> tuple[int, ...]:
-        """Ids of the tracks that took a measurement, in ascending order."""
+        """Ids of the tracks to which measurements are assigned, in ascending order."""
         return tuple(sorted({row.track for row in self.rows if row.track is not None}))
 
-    def of_track(self, track: int) -> tuple[MeasuredRow, ...]:
-        """Return the measurements that a track took and that still count, in order of time."""
+    def track_measurements(self, track: int) -> tuple[MeasuredRow, ...]:
+        """Return the measurements assigned to a track, except superseded ones, in order of time."""
         return tuple(row for row in self.rows if row.track == track and not row.is_superseded)
 
     @property
@@ -79,16 +79,16 @@ class ExportedNight:
         exposure = self.config.exposure
         if taken is None:
             return exposure.timing_sigma_s
-        return shutter_time(taken, exposure).total_sigma_s
+        return frame_timing(taken, exposure).total_sigma_s
 
     def shutter_sigma_s(self, row: MeasuredRow) -> float:
         """Return the shutter's scatter, s: the part of ``time_sigma_s`` in the row's covariance."""
         taken = self.taken.get(row.frame_id)
         exposure = self.config.exposure
-        return exposure.timing_sigma_s if taken is None else shutter_time(taken, exposure).sigma_s
+        return exposure.timing_sigma_s if taken is None else frame_timing(taken, exposure).sigma_s
 
-    def facts(self) -> dict[str, Any]:
-        """Return where a table comes from (session, site, versions ...), as plain values."""
+    def table_metadata(self) -> dict[str, Any]:
+        """Return metadata of the session for an exported table: site, versions and so on."""
         site, optics = self.config.site, self.config.optics
         shutter = [each.model_dump(mode="json") for each in self.config.exposure.calibrated]
         facts: dict[str, Any] = {
@@ -99,7 +99,7 @@ class ExportedNight:
             "site": site.model_dump(mode="json"),
             "optics": optics.model_dump(mode="json"),
             "exposure_s": self.config.exposure.exposure_s,
-            "timing_sigma_s": usual_sigma_s(self.config.exposure),
+            "timing_sigma_s": usual_timing_sigma_s(self.config.exposure),
             **({"shutter": shutter} if shutter else {}),
             "clock_offset_s": self.about.get("clock_offset_s"),
             "clock_faults": list(self.clock_notes),
@@ -117,14 +117,14 @@ class ExportedNight:
         return facts
 
 
-def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
-    """Gather the measurements of a session or a branch, whether or not a track took them.
+def read_exported_night(session: Path, *, everything: bool = False) -> ExportedNight:
+    """Gather the measurements of a session or a branch, whether or not assigned to a track.
 
-    ``everything``: True: also measurements that the operator refused, and for frames that a
-    decision had processed again also the results before it. Raises SessionError.
+    ``everything``: also those that the operator refused, and, for frames that were processed again
+    after an operator's decision, the earlier results. Raises SessionError.
     """
     reader = SessionReader(session)
-    about = reader.about()
+    about = reader.read_meta()
     config = reader.config()
     about.pop("config", None)
     frames = frames_of((record for _, _, record in reader.records(kinds=KINDS)), config)
@@ -137,7 +137,7 @@ def read_night(session: Path, *, everything: bool = False) -> ExportedNight:
         about=about,
         rows=tuple(rows),
         taken={each.frame_id: each.taken for each in frames if each.taken is not None},
-        clock_notes=clock_notes(reader),
+        clock_notes=clock_fault_lines(reader),
         names={found.track_id: found for frame in frames for found in frame.names},
     )
 
@@ -171,7 +171,7 @@ def _rows_of(
         )
         track = began if corrected is None or began is not None else corrected.track_id
         of_track = lead if corrected is None else corrected.track_id
-        yield row_of(
+        yield make_measured_row(
             measurement,
             frame,
             track=track if is_taken and is_last else None,

@@ -17,31 +17,31 @@ from rsoconsole.base import (
     MAX_DATA_BYTES,
     ExportError,
     OrbitError,
-    json_of,
-    read_foreign,
+    parse_json,
+    read_foreign_text,
     value_errors_as,
 )
 from rsoconsole.library.formats._iod_reader import (
     HORIZONTAL,
     IodObservation,
-    is_uk,
-    parse_iod,
-    parse_uk,
+    is_uk_line,
+    parse_iod_line,
+    parse_uk_line,
 )
 from rsoconsole.library.formats._observed_csv import (
     ObservedRow,
     ecsv_site,
     looks_like_table,
+    read_station_sites,
     read_table,
-    stations_of,
 )
-from rsoconsole.library.formats._observed_tdm import rows_of_tdm
+from rsoconsole.library.formats._observed_tdm import observed_rows_of_tdm
 from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.orbits import reduce_directions
 from rsoconsole.pipeline import ObservedTrack, read_observed_tracks
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import chart_to_icrs, wrap_180
-from rsoconsole.words import NS_PER_S, no_direction
+from rsoconsole.sky import equinox_to_icrs, wrap_180
+from rsoconsole.words import NS_PER_S, direction_fault
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
@@ -71,9 +71,9 @@ def read_observations(
 ) -> tuple[tuple[ObservedTrack, ...], ...]:
     """Read the tracks of a session, or the directions of one object in a file.
 
-    Returns groups: of a session one, with its tracks, the longest first; of a file one for each
-    station. ``ask``: reading options; ``track``: id of the only track of a session. Raises
-    SessionError, OrbitError or ExportError that names the fault.
+    Returns groups: of a session one group, its tracks, the longest first; of a file one group for
+    each station. ``ask``: options of reading; ``track``: id of the only track to read of a session.
+    Raises SessionError, OrbitError or ExportError that names the fault.
     """
     if path.is_dir() or path.name == "session.db" or not path.exists():
         return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, track=track),)
@@ -93,7 +93,7 @@ def read_observations(
 
 def _text(path: Path) -> str:
     with value_errors_as(OrbitError, f"{path} cannot be read: ", (OSError, UnicodeDecodeError)):
-        return read_foreign(path, most_bytes=MAX_DATA_BYTES).removeprefix("\ufeff")
+        return read_foreign_text(path, most_bytes=MAX_DATA_BYTES).removeprefix("\ufeff")
 
 
 def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
@@ -101,7 +101,7 @@ def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
     name = str(path)
     start = text.lstrip()
     if start.startswith(("CCSDS_TDM_VERS", "<")):
-        return rows_of_tdm(parse_tdm(text, name), name)
+        return observed_rows_of_tdm(parse_tdm(text, name), name)
     if start.startswith("[") and '"obTime"' in start:
         return _of_udl(start, name)
     if looks_like_table(text):
@@ -130,7 +130,7 @@ def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
             continue
         where = f"{name}, line {number}"
         try:
-            each = parse_uk(line) if is_uk(line) else parse_iod(line)
+            each = parse_uk_line(line) if is_uk_line(line) else parse_iod_line(line)
         except ExportError as error:
             fault = fault or f"{where}: {error}"
             continue
@@ -159,7 +159,7 @@ def _directions(lines: Sequence[IodObservation]) -> tuple[FloatArray, FloatArray
     t_utc_ns = np.array([each.t_utc_ns for each in lines], np.int64)
     for year in {each.epoch_year for each in lines}:
         of_it = np.array([each.epoch_year == year for each in lines])
-        ra[of_it], dec[of_it] = chart_to_icrs(ra[of_it], dec[of_it], year, t_utc_ns[of_it])
+        ra[of_it], dec[of_it] = equinox_to_icrs(ra[of_it], dec[of_it], year, t_utc_ns[of_it])
     return ra, dec
 
 
@@ -189,7 +189,7 @@ def _of_udl(text: str, name: str) -> tuple[ObservedRow, ...]:
     import json
 
     with value_errors_as(ExportError, f"{name} is not JSON: "):
-        records = json_of(text)
+        records = parse_json(text)
     lines = [json.dumps(_plain_record(each, name, n)) for n, each in enumerate(records, 1)]
     return read_table("\n".join(lines), name)
 
@@ -238,7 +238,7 @@ def _in_degrees(
             for each in rows
         )
     for each in rows:
-        if fault := no_direction(each.ra_icrs_deg, each.dec_icrs_deg):
+        if fault := direction_fault(each.ra_icrs_deg, each.dec_icrs_deg):
             raise ExportError(f"{each.where}: {fault}")
     if ask.is_radians is None and not all(each.is_degrees for each in rows):
         is_small = all(
@@ -295,7 +295,7 @@ def _site(path: Path, station: str | None, rows: Sequence[ObservedRow], ask: Rea
     if rows[0].site is not None:
         return rows[0].site
     if ask.stations is not None and station is not None:
-        places = stations_of(ask.stations, _text(ask.stations))
+        places = read_station_sites(ask.stations, _text(ask.stations))
         if station in places:
             return places[station]
     if ask.site is not None:

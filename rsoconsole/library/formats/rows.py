@@ -1,11 +1,11 @@
-"""Rows of exported tables: one measurement, what its track made of it, and the columns."""
+"""Rows of exported tables: a measurement with the results of its track, and their columns."""
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, get_args
 
-from rsoconsole.night import FRAME_FACTS, NightFrame, facts_of
+from rsoconsole.night import FRAME_FACTS, NightFrame, frame_quantities
 from rsoconsole.records import TABLES, Column, ColumnType, Measurement, TrackState, column_value
 from rsoconsole.sky import wrap_360
 from rsoconsole.tracking import sky_covariance_arcsec2, sky_rate_arcsec_s
@@ -17,7 +17,7 @@ AS_RECORDED = ""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredRow:
-    """One measurement of one frame; fields of the track are None where no track took it.
+    """One measurement of one frame; fields of the track are None where it is assigned to none.
 
     Directions are ICRS, astrometric, in degrees; errors and residuals on the sky in arcsec, those
     in right ascension times cos Dec; pixels 0-based.
@@ -113,7 +113,7 @@ _BESIDE: tuple[Column, ...] = tuple(
     for column in TABLES["measurements"].own
     if column.name not in {*_IN_OTHER_COLUMNS, *(own.name for own in _OWN)}
     and column.type != "json"
-    and not (column.shape or column.is_worded)
+    and not (column.shape or column.has_sentence)
 )
 """Remaining columns of a measurement on record that a cell of a table can hold."""
 _OF_FRAME: tuple[Column, ...] = tuple(
@@ -125,7 +125,7 @@ _SAME = MeasuredRow.__dataclass_fields__.keys() & Measurement.__dataclass_fields
 """Fields that a row copies from the measurement."""
 
 
-def row_of(
+def make_measured_row(
     measurement: Measurement,
     frame: NightFrame,
     *,
@@ -136,9 +136,9 @@ def row_of(
 ) -> MeasuredRow:
     """Make a row from the records of a measurement and its frame.
 
-    ``nis``: NIS with which a track refused the measurement; ``predicted``: the track's prediction;
-    ``corrected``: the track's state after the update, None where no track took the measurement;
-    ``found``: further fields of ``MeasuredRow``, such as ``track`` and ``is_taken``.
+    ``nis``: NIS for which a track refused the measurement; ``predicted``: the track's prediction;
+    ``corrected``: the track's state after the update; each None without one. ``found``: further
+    fields of ``MeasuredRow``, such as ``track`` and ``is_taken``.
     """
     east2, cross, north2 = measurement.cov_sky_arcsec2
     sigma_east, sigma_north = math.sqrt(max(east2, 0.0)), math.sqrt(max(north2, 0.0))
@@ -159,7 +159,7 @@ def row_of(
         **_corrected(corrected, nis),
         beside=(
             *((column.name, column_value(measurement, column)) for column in _BESIDE),
-            *facts_of(frame.detections).items(),
+            *frame_quantities(frame.detections).items(),
         ),
     )
 

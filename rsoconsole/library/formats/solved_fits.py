@@ -1,4 +1,4 @@
-"""Single frames for others: FITS with the plate solution in the header, and regions of DS9."""
+"""Export of single frames: FITS with the plate solution in the header, and DS9 regions."""
 
 import io
 import math
@@ -16,7 +16,7 @@ from rsoconsole.base import ExportError
 from rsoconsole.config import Config
 from rsoconsole.library.formats.rows import MeasuredRow
 from rsoconsole.night import frames_of, predicted_sigma_arcsec
-from rsoconsole.pipeline import shutter_mid_utc_ns
+from rsoconsole.pipeline import mid_exposure_utc_ns
 from rsoconsole.records import FrameTaken, Solution, TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import MJD_UNIX, wcs_cards, wrap_360
@@ -166,7 +166,7 @@ def _write_plate(header: Any, frame: FrameOnRecord, solution: Solution, config: 
 
 def _write_time(header: Any, frame: FrameOnRecord, config: Config) -> None:
     """Write the shutter's instants beside DATE-OBS, which stays the camera's."""
-    mid_ns, exposure_s = shutter_mid_utc_ns(frame.taken, config.exposure), frame.taken.exposure_s
+    mid_ns, exposure_s = mid_exposure_utc_ns(frame.taken, config.exposure), frame.taken.exposure_s
     if mid_ns is None or exposure_s is None:
         return
     half_ns = round(exposure_s * 5e8)

@@ -38,8 +38,8 @@ def as_table(columns: Sequence[Column], rows: Sequence[Row], meta: dict[str, Any
     return table
 
 
-def utc_time(t_utc_ns: Any) -> Any:
-    """Convert UTC nanoseconds, () or (N,), to an astropy ``Time``, exact also as text."""
+def to_astropy_time(t_utc_ns: Any) -> Any:
+    """Convert UTC nanoseconds, () or (N,), to an astropy ``Time`` exact to the nanosecond."""
     from astropy.time import Time
 
     found = Time(*jd_utc(t_utc_ns), format="jd", scale="utc")
@@ -48,7 +48,7 @@ def utc_time(t_utc_ns: Any) -> Any:
 
 
 def _times(values: Sequence[int | None]) -> Any:
-    times = utc_time(np.array([0 if value is None else value for value in values], np.int64))
+    times = to_astropy_time(np.array([0 if value is None else value for value in values], np.int64))
     missing = np.array([value is None for value in values], bool)
     if missing.any():
         times[missing] = np.ma.masked
@@ -85,12 +85,12 @@ def _array(column: Column, values: Sequence[Any]) -> Any:
     return np.array(["" if value is None else str(value) for value in values], str)
 
 
-def as_frame(columns: Sequence[Column], rows: Sequence[Row]) -> Any:
+def as_data_frame(columns: Sequence[Column], rows: Sequence[Row]) -> Any:
     """Return the rows as a pandas ``DataFrame``.
 
     Raises RsoconsoleError where pandas is not installed.
     """
-    pandas = optional_library("pandas", "a data frame")
+    pandas = import_notebook_extra("pandas", "a data frame")
     series = {}
     for column in columns:
         name = column.name
@@ -115,10 +115,10 @@ def _timestamps(pandas: Any, values: Sequence[int | None]) -> Any:
     return pandas.Series(whole.view("datetime64[ns]")).dt.tz_localize("UTC")
 
 
-def optional_library(library: str, what: str) -> Any:
-    """Import a library of the extra ``notebook``; ``what``: what needs it, for the error.
+def import_notebook_extra(library: str, what: str) -> Any:
+    """Import a library of the extra ``notebook`` and return its module.
 
-    Raises RsoconsoleError that names the extra where the library is missing.
+    ``what``: the purpose, for errors. Raises RsoconsoleError where the library is missing.
     """
     try:
         return import_module(library)

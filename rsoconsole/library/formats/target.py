@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from rsoconsole.base import ExportError
 from rsoconsole.records import CatalogueMatch, Identified
-from rsoconsole.words import catalogued_name, clock
+from rsoconsole.words import catalogued_name, utc_text
 
 _COSPAR = re.compile(r"(\d{4})-(\d{3})([A-Z]{1,3})", re.ASCII)
 LARGEST_NORAD = 999_999_999
@@ -87,7 +87,7 @@ _LIKELY = 0.05
 def identification_words(name: Identified) -> str:
     """Format an identification in one line: its result, the objects and their probabilities.
 
-    The line is ASCII where the objects' names are.
+    The line is ASCII where the names of the objects are ASCII.
     """
     with_others = ""
     if name.named_with:
@@ -102,7 +102,7 @@ def identification_words(name: Identified) -> str:
     if past is None:
         return "uncorrelated: no catalogued object"
     doubt = "" if past.is_sure else "perhaps "
-    seen = clock(past.t_last_utc_ns, "day", "")
+    seen = utc_text(past.t_last_utc_ns, "day", "")
     return f"uncorrelated: {doubt}{past.name}, seen {seen}, probability {past.probability:.3f}"
 
 

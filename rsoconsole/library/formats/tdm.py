@@ -52,9 +52,10 @@ def to_tdm(
     created_utc_ns: int,
     originator: str = ORIGINATOR,
 ) -> str:
-    """Return a message with the measurements that these tracks took, one segment a track.
+    """Return a message with the measurements assigned to these tracks, one segment for each.
 
-    Streaks cut by the frame's edge are left out: along such a streak nothing is measured.
+    Streaks cut by the frame's edge are left out: their position along the streak is not
+    measured.
     """
     lines = [
         f"CCSDS_TDM_VERS = {VERSION}",
@@ -65,13 +66,13 @@ def to_tdm(
         f"ORIGINATOR = {_name(originator)}",
     ]
     for track in tracks:
-        rows = unclipped(night.of_track(track))
+        rows = unclipped_rows(night.track_measurements(track))
         if rows:
             lines.extend(_segment(night, track, rows, target))
     return "".join(_ascii(line)[:LONGEST_LINE].rstrip() + "\n" for line in lines)
 
 
-def unclipped(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
+def unclipped_rows(rows: tuple[MeasuredRow, ...]) -> tuple[MeasuredRow, ...]:
     """Return the measurements of streaks that are not cut by the frame's edge."""
     return tuple(row for row in rows if not row.is_clipped)
 
@@ -195,7 +196,7 @@ _NAMESPACES = (
 _DEG = {"ANGLE_1", "ANGLE_2"}
 
 
-def xml_of(text: str) -> str:
+def tdm_to_xml(text: str) -> str:
     """Convert a message of ``to_tdm`` from keyword = value form to XML."""
     out: list[str] = ['<?xml version="1.0" encoding="UTF-8"?>']
     section = "header"
@@ -233,7 +234,7 @@ _MARKS = {
 }
 
 
-def lines_of_xml(text: str, name: str) -> list[str]:
+def tdm_lines_from_xml(text: str, name: str) -> list[str]:
     """Convert a message in XML to lines of keyword = value; ``name`` is what errors call it.
 
     Raises ExportError for a text that is no such message.

@@ -10,12 +10,12 @@ import numpy as np
 
 from rsoconsole.base import SessionError, system_errors_as
 from rsoconsole.library.notebook._recorded import RecordedSession
-from rsoconsole.library.notebook.night.overlay import overlay_svg, words_of
-from rsoconsole.library.notebook.night.svg import text
+from rsoconsole.library.notebook.night.overlay import frame_caption, overlay_svg
+from rsoconsole.library.notebook.night.svg import escape_markup
 from rsoconsole.night import NightFrame, tracks_of
 from rsoconsole.records import Detection, FloatArray, PixelArray
-from rsoconsole.session import pruned_on, read_notes
-from rsoconsole.words import parts_of
+from rsoconsole.session import pruning_times, read_notes
+from rsoconsole.words import streak_detail_words
 
 SHOWN_PX = 560
 _ROOM_PX = 60
@@ -42,7 +42,7 @@ class Picture:
         return (
             f'<figure style="margin:0;max-width:{SHOWN_PX}px">'
             f"{picture_with_overlay_html(self.png, self.overlay)}"
-            f'<figcaption style="font-size:90%">{text(self.words)}</figcaption></figure>'
+            f'<figcaption style="font-size:90%">{escape_markup(self.words)}</figcaption></figure>'
         )
 
     def __repr__(self) -> str:
@@ -56,16 +56,17 @@ def picture_with_overlay_html(png: bytes, overlay: str, alt: str = "") -> str:
     """
     return (
         '<div style="position:relative;line-height:0">'
-        f'<img alt="{text(alt)}" src="data:image/png;base64,{base64.b64encode(png).decode()}" '
+        f'<img alt="{escape_markup(alt)}" '
+        f'src="data:image/png;base64,{base64.b64encode(png).decode()}" '
         f'style="width:100%;height:auto;margin:0">{overlay}</div>'
     )
 
 
 def draw_streak(figure: Any, pixels: PixelArray, detection: Detection, title: str) -> None:
-    """Draw a streak pixel by pixel with its ends and midpoint, and below it the light along it.
+    """Draw a streak with its ends and midpoint, and its profile in a lower panel.
 
-    ``pixels``: the whole frame, (height, width) ADU. The lower panel is the mean over seven pixels
-    across the streak, in units of the sky's noise.
+    ``pixels``: the whole frame, (height, width) ADU. The profile is the light along the streak, the
+    mean over seven pixels across it, in units of the sky's noise.
     """
     x_0 = max(int(min(detection.x_a_px, detection.x_b_px)) - _ROOM_PX, 0)
     y_0 = max(int(min(detection.y_a_px, detection.y_b_px)) - _ROOM_PX, 0)
@@ -125,7 +126,7 @@ def _widened(low: float, high: float, least: float, most: int) -> tuple[int, int
 
 
 class TrackStreak(NamedTuple):
-    """A streak of a frame with the number of the track that took it."""
+    """Streak of a frame, with the number of the track to which it is assigned."""
 
     number: int
     is_lead: bool
@@ -198,7 +199,9 @@ class SessionPictures(RecordedSession):
 
         Raises SessionError where there is no such preview.
         """
-        reduced = (each.frame_id for each in self._frames.seen() if each.detections is not None)
+        reduced = (
+            each.frame_id for each in self._frames.kept_frames() if each.detections is not None
+        )
         for number in (*reduced,)[::-1] if frame_id is None else (frame_id,):
             path = self._reader.preview_path(number)
             if path is not None:
@@ -216,7 +219,7 @@ class SessionPictures(RecordedSession):
 
         path = self._reader.frame_path(frame_id)
         if path is None:
-            why = self._reader.not_kept_because(frame_id)
+            why = self._reader.missing_pixels_reason(frame_id)
             kept = ", ".join(map(str, self._kept()))
             raise SessionError(
                 f"the pixels of frame {frame_id} were not kept{f': {why}' if why else ''};"
@@ -225,18 +228,18 @@ class SessionPictures(RecordedSession):
         return read_frame(path, frame_id).pixels
 
     def plot_streak(self, frame_id: int, figure: Any = None) -> "Figure":
-        """Plot the most confident streak of a kept frame pixel by pixel, and the light along it.
+        """Plot the most confident streak of a kept frame pixel by pixel, and its light profile.
 
         ``figure``: an empty matplotlib figure; None: a new one. Raises SessionError where the frame
         was not kept or nothing was detected in it.
         """
         from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
-        found = self._frame(frame_id).found
+        found = self._frame(frame_id).detected_streaks
         if not found:
             raise SessionError(f"nothing was detected in frame {frame_id}")
         pixels, detection = self.pixels(frame_id), found[0]
-        parts = (f"confidence {detection.confidence:.2f}", *parts_of(detection))
+        parts = (f"confidence {detection.confidence:.2f}", *streak_detail_words(detection))
         title = f"Frame {frame_id}: {', '.join(parts)}"
         figure = NightFigure(6.6, 5.0) if figure is None else figure
         with figure_style():
@@ -244,15 +247,15 @@ class SessionPictures(RecordedSession):
         return figure  # type: ignore[no-any-return]
 
     def plot_tracks(self, frame_id: int, figure: Any = None) -> "Figure":
-        """Plot the streaks that tracks took of a kept frame, with track numbers and confidences.
+        """Plot the streaks of a kept frame that belong to tracks, with numbers and confidences.
 
         ``figure``: an empty matplotlib figure; None: a new one. Raises SessionError where the frame
-        was not kept or no track took a streak of it.
+        was not kept or no streak of it belongs to a track.
         """
         from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 
         frame, streaks = self._frame(frame_id), []
-        for track in tracks_of(self._frames.seen()).values():
+        for track in tracks_of(self._frames.kept_frames()).values():
             for state in track.states:
                 taken = state.measurement_id if state.frame_id == frame_id else None
                 measured = next((m for m in track.measurements if m.measurement_id == taken), None)
@@ -272,16 +275,20 @@ class SessionPictures(RecordedSession):
             png = path.read_bytes()
         frame = self._frame(frame_id)
         return Picture(
-            frame_id=frame_id, path=path, png=png, overlay=overlay_svg(frame), words=words_of(frame)
+            frame_id=frame_id,
+            path=path,
+            png=png,
+            overlay=overlay_svg(frame),
+            words=frame_caption(frame),
         )
 
     def _frame(self, frame_id: int) -> NightFrame:
         return next(
-            (each for each in self._frames.seen() if each.frame_id == frame_id), NightFrame()
+            (each for each in self._frames.kept_frames() if each.frame_id == frame_id), NightFrame()
         )
 
     def _kept(self) -> list[int]:
         """Frames whose pixels are there: written, and not pruned since."""
-        pruned = pruned_on(read_notes(self.path))
-        rows = self._reader.view("frames")
+        pruned = pruning_times(read_notes(self.path))
+        rows = self._reader.view_rows("frames")
         return [row["frame_id"] for row in rows if row["file"] and row["file"] not in pruned]

@@ -5,28 +5,33 @@ from typing import Any, Self
 
 from rsoconsole.config import Config
 from rsoconsole.library.notebook.figures.figures import NightPlots
-from rsoconsole.library.notebook.night.night import DrawnNight, expect_frames, night_of, title_of
-from rsoconsole.night import Logged, NightFrames, NightTrack, Summary, summary_of, tracks_of
+from rsoconsole.library.notebook.night.night import (
+    DrawnNight,
+    expect_frames,
+    make_drawn_night,
+    session_title,
+)
+from rsoconsole.night import LeadSummary, Logged, NightFrames, NightTrack, lead_summary, tracks_of
 from rsoconsole.session import SessionReader
 
 
 class RecordedSession(NightPlots):
-    """The record of a session as read so far; ``refresh`` reads further."""
+    """Record of a session as far as it has been read; ``refresh`` reads new records."""
 
     def __init__(self, folder: Path) -> None:
         self._reader = SessionReader(folder)
-        self._about = self._reader.about()
+        self._about = self._reader.read_meta()
         self._log: list[Logged] = []
         self._frames = NightFrames(self._reader.config())
         self.refresh()
 
     def refresh(self) -> Self:
-        """Read what a session that goes on has recorded since; return this object."""
-        self._about = self._reader.about()
+        """Read what a session that is still open has recorded since; return this object."""
+        self._about = self._reader.read_meta()
         since = self._log[-1][0] if self._log else 0
         for seq, t_utc_ns, record in self._reader.records(since_seq=since):
             self._log.append((seq, t_utc_ns, record))
-            self._frames.take(record)
+            self._frames.fold_record(record)
         return self
 
     @property
@@ -37,7 +42,7 @@ class RecordedSession(NightPlots):
     @property
     def title(self) -> str:
         """Title of the session."""
-        return title_of(self._about, self.path)
+        return session_title(self._about, self.path)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -55,9 +60,9 @@ class RecordedSession(NightPlots):
         return self._about.get("is_closed") is True
 
     @property
-    def summary(self) -> Summary:
+    def summary(self) -> LeadSummary:
         """Figures of merit of the lead track over the night."""
-        return summary_of(self._night().frames)
+        return lead_summary(self._night().frames)
 
     @property
     def tracks(self) -> dict[int, NightTrack]:
@@ -65,7 +70,7 @@ class RecordedSession(NightPlots):
 
         >>> night.tracks[2].orbit.a_km, night.tracks[2].name
         """
-        return tracks_of(self._frames.seen())
+        return tracks_of(self._frames.kept_frames())
 
     @property
     def records(self) -> tuple[Logged, ...]:
@@ -77,4 +82,4 @@ class RecordedSession(NightPlots):
         return (expect_frames(self._night(), self.path),)
 
     def _night(self) -> DrawnNight:
-        return night_of(self.title, self.config, self._frames.seen())
+        return make_drawn_night(self.title, self.config, self._frames.kept_frames())

@@ -7,9 +7,9 @@ from typing import Any
 from rsoconsole.config import Config, with_changes
 from rsoconsole.library.notebook._recorded import RecordedSession
 from rsoconsole.library.notebook.figures.figures import NightPlots
-from rsoconsole.library.notebook.night.night import DrawnNight, night_of
-from rsoconsole.library.notebook.night.svg import text
-from rsoconsole.night import NightFrames, Summary, merit, summary_of
+from rsoconsole.library.notebook.night.night import DrawnNight, make_drawn_night
+from rsoconsole.library.notebook.night.svg import escape_markup
+from rsoconsole.night import LeadSummary, NightFrames, lead_summary, merit
 from rsoconsole.pipeline import ReplayedFrame, replay
 from rsoconsole.records import FrameTaken, ParameterChange
 from rsoconsole.words import settings_words
@@ -42,14 +42,14 @@ class WhatIf(NightPlots):
         return settings_words(self.settings)
 
     @property
-    def recorded(self) -> Summary:
-        """Figures of the night as recorded."""
+    def recorded(self) -> LeadSummary:
+        """Figures of merit of the night as recorded."""
         return self.session.summary
 
     @property
-    def changed(self) -> Summary:
-        """Figures of the night with the changed settings."""
-        return summary_of(self._night.frames)
+    def changed(self) -> LeadSummary:
+        """Figures of merit of the night with the changed settings."""
+        return lead_summary(self._night.frames)
 
     def nights(self) -> tuple[DrawnNight, ...]:
         """Return the night as recorded, and the night with the changed settings."""
@@ -67,7 +67,7 @@ class WhatIf(NightPlots):
         return save_branch(what_if_session(self.session.path, self.settings), name, force=force)
 
     def rows(self) -> Iterator[tuple[str, str, str]]:
-        """Yield rows (name of a figure of merit, value as recorded, value as changed), in words."""
+        """Yield rows of text: name of a figure of merit, value as recorded, value as changed."""
         old, new = self.recorded, self.changed
         for each in merit.NIGHT:
             yield each.label, each.words(old), each.words(new)
@@ -81,14 +81,16 @@ class WhatIf(NightPlots):
     def _repr_html_(self) -> str:
         rows = "".join(
             f'<tr style="background:none"><th scope="row" style="{_CELL};font-weight:normal;'
-            f'opacity:0.72">{text(what)}</th><td style="{_CELL}">{text(old)}</td>'
-            f'<td style="{_CELL};{"font-weight:600" if old != new else ""}">{text(new)}</td></tr>'
+            f'opacity:0.72">{escape_markup(what)}</th><td style="{_CELL}">{escape_markup(old)}</td>'
+            f'<td style="{_CELL};{"font-weight:600" if old != new else ""}">'
+            f"{escape_markup(new)}</td></tr>"
             for what, old, new in self.rows()
         )
         return (
             '<div class="rsoconsole-what-if" style="color:var(--jp-ui-font-color1,inherit);'
             'font-size:13px"><div style="font-weight:600">What if '
-            f"{text(self.words or 'nothing were changed')}? {text(self.session.title)}</div>"
+            f"{escape_markup(self.words or 'nothing were changed')}?"
+            f" {escape_markup(self.session.title)}</div>"
             f'<table style="{_TABLE}"><tr style="background:none"><td></td>'
             f'<th style="{_CELL}">as recorded</th><th style="{_CELL}">if tried</th></tr>'
             f"{rows}</table></div>"
@@ -105,10 +107,10 @@ def _night_of(
     fold = NightFrames(config)
     for _, _, record in log:
         if isinstance(record, FrameTaken):
-            fold.take(record)
+            fold.fold_record(record)
     for each in frames:
         tau = each.config.detector.tau
-        fold.take(ParameterChange(name="detector.tau", before=tau, after=tau, by="what-if"))
+        fold.fold_record(ParameterChange(name="detector.tau", before=tau, after=tau, by="what-if"))
         for record in (each.taken, *each.observations.measurements, *each.records):
-            fold.take(record)
-    return night_of(title, config, fold.seen())
+            fold.fold_record(record)
+    return make_drawn_night(title, config, fold.kept_frames())

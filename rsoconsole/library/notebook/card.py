@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.library.notebook._pictures import Picture, picture_with_overlay_html
-from rsoconsole.library.notebook.night.svg import GREEN, GREY, RED, text
-from rsoconsole.night import StateSpan, Summary, merit
+from rsoconsole.library.notebook.night.svg import GREEN, GREY, RED, escape_markup
+from rsoconsole.night import LeadSummary, StateSpan, merit
 from rsoconsole.words import duration_words
 
 STATE_COLOURS = {
@@ -27,8 +27,8 @@ _DIM = "opacity:0.72"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Card:
-    """Facts on a session for its card."""
+class SessionCard:
+    """Content of the card of a session."""
 
     title: str
     folder: str
@@ -41,14 +41,14 @@ class Card:
     frames: int
     kept: int
     """Number of frames whose pixels are kept."""
-    summary: Summary
+    summary: LeadSummary
     spells: tuple[StateSpan, ...]
     misses: tuple[int, ...]
     """Instants of the frames in which the object was not measured, UTC nanoseconds."""
     picture: Picture | None
 
 
-def rows_of(card: Card) -> list[tuple[str, str]]:
+def card_rows(card: SessionCard) -> list[tuple[str, str]]:
     """Return rows (label, value) in words, for HTML and for a terminal."""
     s = card.summary
     rows = [
@@ -68,12 +68,12 @@ def rows_of(card: Card) -> list[tuple[str, str]]:
     return rows
 
 
-def card_html(card: Card) -> str:
+def card_html(card: SessionCard) -> str:
     """Return the card as HTML, which takes its colours from the page, dark or light."""
     rows = "".join(
         f'<tr style="background:none"><th scope="row" style="{_CELL};{_DIM};font-weight:normal">'
-        f'{text(what)}</th><td style="{_CELL}">{text(how)}</td></tr>'
-        for what, how in rows_of(card)
+        f'{escape_markup(what)}</th><td style="{_CELL}">{escape_markup(how)}</td></tr>'
+        for what, how in card_rows(card)
     )
     picture = ""
     if card.picture is not None:
@@ -86,25 +86,25 @@ def card_html(card: Card) -> str:
         '<div class="rsoconsole-session" style="color:var(--jp-ui-font-color1,inherit);'
         "border:1px solid var(--jp-border-color2,#9994);border-radius:4px;padding:10px 12px;"
         'max-width:760px;font-size:13px;line-height:1.45">'
-        f'<div style="font-size:16px;font-weight:600">{text(card.title)}</div>'
-        f'<div style="{_DIM};font-size:12px">{text(card.folder)}</div>'
+        f'<div style="font-size:16px;font-weight:600">{escape_markup(card.title)}</div>'
+        f'<div style="{_DIM};font-size:12px">{escape_markup(card.folder)}</div>'
         '<div style="display:flex;flex-wrap:wrap;gap:16px;margin:8px 0">'
         f'<table style="{_TABLE};flex:1 1 300px;display:block">{rows}</table>{picture}</div>'
-        f"{strip_svg(card.spells, card.misses)}</div>"
+        f"{state_strip_svg(card.spells, card.misses)}</div>"
     )
 
 
-def card_text(card: Card) -> str:
+def card_text(card: SessionCard) -> str:
     """Return the card as plain text for a terminal."""
-    rows = "\n".join(f"  {what:<13}{how}" for what, how in rows_of(card))
+    rows = "\n".join(f"  {what:<13}{how}" for what, how in card_rows(card))
     states = f"\n  {'states':<13}{_strip_words(card.spells)}" if card.spells else ""
     return f"{card.title}  ({card.folder})\n{rows}{states}"
 
 
-def strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
-    """Return an SVG of the loop's states along time, with a mark below for every miss.
+def state_strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
+    """Return an SVG of the loop's states along time, with a mark below for every missed frame.
 
-    ``spells``: the states in order; ``misses``: instants, UTC nanoseconds.
+    ``spells``: the states in order; ``misses``: times of the missed frames, UTC nanoseconds.
     """
     if not spells:
         return ""
@@ -115,15 +115,15 @@ def strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
         x = (spell.t_from_utc_ns - t_0) * scale
         width = max((spell.t_to_utc_ns - spell.t_from_utc_ns) * scale, _NARROWEST)
         colour = STATE_COLOURS.get(spell.state, GREY)
-        title = f"{spell.state}, {duration_words(spell.seconds, 'line')}"
+        title = f"{spell.state}, {duration_words(spell.duration_s, 'line')}"
         parts.append(
             f'<rect x="{x:.1f}" y="0" width="{width:.1f}" height="{_STRIP_HEIGHT:.0f}" '
-            f'fill="{colour}"><title>{text(title)}</title></rect>'
+            f'fill="{colour}"><title>{escape_markup(title)}</title></rect>'
         )
         if width > _LABEL_PX:
             parts.append(
                 f'<text x="{x + 5:.1f}" y="13" fill="#fff" font-size="11" '
-                f'font-family="sans-serif">{text(spell.state)}</text>'
+                f'font-family="sans-serif">{escape_markup(spell.state)}</text>'
             )
     for t_utc_ns in misses:
         x = (t_utc_ns - t_0) * scale
@@ -134,15 +134,15 @@ def strip_svg(spells: Sequence[StateSpan], misses: Iterable[int] = ()) -> str:
     words = _strip_words(spells)
     return (
         f'<svg viewBox="0 0 {_STRIP_WIDTH:.0f} {_STRIP_HEIGHT + 9:.0f}" role="img" '
-        f'aria-label="{text(words)}" style="width:100%;height:auto;display:block">'
-        f'{"".join(parts)}</svg><div style="font-size:12px;{_DIM}">{text(words)}</div>'
+        f'aria-label="{escape_markup(words)}" style="width:100%;height:auto;display:block">'
+        f'{"".join(parts)}</svg><div style="font-size:12px;{_DIM}">{escape_markup(words)}</div>'
     )
 
 
 def _strip_words(spells: Iterable[StateSpan]) -> str:
     total: dict[str, float] = {}
     for spell in spells:
-        total[spell.state] = total.get(spell.state, 0.0) + spell.seconds
+        total[spell.state] = total.get(spell.state, 0.0) + spell.duration_s
     return " · ".join(
         f"{state} {duration_words(s, 'line')}" for state, s in total.items() if s > 0.0
     )

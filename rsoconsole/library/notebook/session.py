@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import load_config
-from rsoconsole.library.formats.tables import as_frame, as_table, optional_library
+from rsoconsole.library.formats.tables import as_data_frame, as_table, import_notebook_extra
 from rsoconsole.library.notebook import card
 from rsoconsole.library.notebook._pictures import SessionPictures
-from rsoconsole.night import Row, rows_of, state_spans, summary_of
+from rsoconsole.night import Row, lead_summary, public_table_rows, state_spans
 from rsoconsole.records import TABLES, Column
-from rsoconsole.session import folders_in
+from rsoconsole.session import paths_in
 from rsoconsole.session.log import schema
 from rsoconsole.words import date_span_words, settings_words
 
@@ -27,11 +27,11 @@ BRANCHES = "branches"
 
 
 def open_session(path: Path | str | None = None) -> "Session":
-    """Open a session by its folder; None: the newest of your own (``session.root``).
+    """Open a session by its folder; None: your newest session (in ``session.root``).
 
-    The folder may be that of a branch, or of a night that still goes on: ``refresh()`` reads what
-    is new. Raises SessionError when the folder holds no session, when it cannot be read, and with
-    None when there is no session yet.
+    The folder may also be that of a branch, or of a session that is still open: ``refresh()`` reads
+    what is new. Raises SessionError when the folder holds no session, when it cannot be read, and
+    with None when there is no session yet.
 
     >>> night = open_session("sessions/intelsat-14")
     >>> night.measurements["direction"], night.plot_residuals()
@@ -49,7 +49,7 @@ def live_panel(socket: Path | str | None = None, *, read_only: bool = False) -> 
     panel sends nothing but STOP. Without an engine the panel says so and waits for one. Raises
     RsoconsoleError where the extra ``rsoconsole[notebook]`` is not installed.
     """
-    optional_library("anywidget", "a live panel")
+    import_notebook_extra("anywidget", "a live panel")
     from rsoconsole.library.notebook.panel.panel import LivePanel
 
     return LivePanel(socket, read_only=read_only)
@@ -62,7 +62,7 @@ def _newest(root: Path) -> Path:
         parts = (folder / schema.DATABASE, folder / f"{schema.DATABASE}-wal")
         return max(part.stat().st_mtime_ns for part in parts if part.exists())
 
-    found = [folder for folder in folders_in(root) if (folder / schema.DATABASE).exists()]
+    found = [folder for folder in paths_in(root) if (folder / schema.DATABASE).exists()]
     if not found:
         raise SessionError(
             f"there is no session in {root} yet: name a folder, as in "
@@ -118,13 +118,13 @@ class Session(SessionPictures):
 
         Needs ``rsoconsole[notebook]``.
         """
-        return as_frame(*self._rows(name))
+        return as_data_frame(*self._rows(name))
 
     def _rows(self, name: str) -> tuple[tuple[Column, ...], list[Row]]:
         if name not in TABLES:
             raise SessionError(f"there is no table {name!r}; there are {', '.join(TABLES)}")
-        files = self._reader.view("frames") if name == "frames" else ()
-        return TABLES[name].columns, rows_of(name, self._log, files)
+        files = self._reader.view_rows("frames") if name == "frames" else ()
+        return TABLES[name].columns, public_table_rows(name, self._log, files)
 
     # -- again, and otherwise -------------------------------------------------------------------
 
@@ -216,10 +216,10 @@ class Session(SessionPictures):
         or when it writes another session.
         """
         from rsoconsole.base import ControlError
-        from rsoconsole.control import ControlClient, Sender, status_of
+        from rsoconsole.control import ControlClient, Sender, ask_status
 
         path = None if socket is None else Path(socket)
-        written = status_of(ControlClient(path, sender=Sender(name="notebook"))).session
+        written = ask_status(ControlClient(path, sender=Sender(name="notebook"))).session
         if written is None or not _is_same(written, self.path):
             raise ControlError(
                 f"the running engine writes {written}, not {self.path}: live_panel() shows that one"
@@ -237,7 +237,7 @@ class Session(SessionPictures):
     def _repr_html_(self) -> str:
         return card.card_html(self._card())
 
-    def _card(self) -> card.Card:
+    def _card(self) -> card.SessionCard:
         night = self._night()
         try:
             picture = self.picture()
@@ -246,7 +246,7 @@ class Session(SessionPictures):
         parent, changes = self._about.get("branch_of"), self._about.get("tried")
         changes = changes if isinstance(changes, Mapping) else {}
         t_first, t_last = (self._log[0][1], self._log[-1][1]) if self._log else (None, None)
-        return card.Card(
+        return card.SessionCard(
             title=self.title,
             folder=str(self.path),
             when=date_span_words(t_first, t_last),
@@ -255,9 +255,9 @@ class Session(SessionPictures):
             changes=settings_words(changes),
             frames=self._reader.counts().frames,
             kept=len(self._kept()),
-            summary=summary_of(night.frames),
+            summary=lead_summary(night.frames),
             spells=state_spans(self._log),
-            misses=tuple(f.t_mid_utc_ns for f in night.frames if f.missed is not None),
+            misses=tuple(f.t_mid_utc_ns for f in night.frames if f.lead_miss_reason is not None),
             picture=picture,
         )
 

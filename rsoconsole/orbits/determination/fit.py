@@ -1,14 +1,14 @@
 """Orbit fit to all directions: least squares with a stated prior. Pure.
 
-The unknowns describe the orbit as a telescope sees it at the epoch: the direction (two numbers),
-its rates (two), the logarithm of the range, and the relative rate of the range. A short arc
-determines the first four sharply and the last two hardly, so the problem is well scaled whatever
-the arc, and the range stays positive. Source of the method: Tapley, Schutz & Born 2004, Statistical
-Orbit Determination, 4; Levenberg's damping; Huber's weights against outliers.
+The unknowns describe the orbit as seen from the site at the epoch: the direction (two numbers), its
+rates (two), the logarithm of the range, and the range rate divided by the range. A short arc
+determines the first four well and the last two poorly; with these unknowns the problem is well
+scaled for any arc, and the range stays positive. Source of the method: Tapley, Schutz & Born 2004,
+Statistical Orbit Determination, 4; Levenberg's damping; Huber's weights against outliers.
 
-Forces beside the Earth's point mass enter as a deviation from the two-body orbit (Encke). The
-deviation is computed once, reused while the unknowns change little, and computed again after a
-large change. The slopes are always those of two-body motion.
+Forces other than the Earth's point mass enter as a deviation from the two-body orbit (Encke). It is
+computed once, reused while the unknowns change little, and computed again after a large change. The
+partial derivatives are always those of two-body motion.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbits.first.directions import LineOfSight, MeasuredDirections, State
-from rsoconsole.orbits.motion.forces import Motion
+from rsoconsole.orbits.motion.forces import Propagator
 from rsoconsole.orbits.motion.two_body import (
     eccentricity_vector,
     propagate,
@@ -45,19 +45,18 @@ _NO_NUMBERS = np.linalg.LinAlgError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prior:
-    """Prior on the size and roundness of an orbit; a field that is None constrains nothing."""
+    """Prior on the semi-major axis and eccentricity of an orbit; None in a field: no prior."""
 
     sigma_e: float | None = None
-    """Root mean square of the eccentricity: its vector lies about 0 in the plane of the orbit, each
-    component with this over root 2. None: nothing is believed."""
+    """RMS eccentricity of a prior about 0, over root 2 in each component; None: no prior."""
     a_km: float | None = None
     """Mean of the semi-major axis; None: no prior."""
     sigma_a_km: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
-    """Best fitting orbit, at the epoch of the directions."""
+class OrbitFit:
+    """Result of an orbit fit: state at the epoch of the directions, covariance, residuals."""
 
     r_km: FloatArray
     """Position (3,), GCRS."""
@@ -111,7 +110,8 @@ class _Problem:
 
     def _rows(self, unknowns: FloatArray) -> "_Rows":
         """Compute the rows, or return the last ones: a step begins where the one before it
-        ended."""
+        ended.
+        """
         last = self._last
         is_known = last is not None and last.deviation is self.deviation
         if last is not None and is_known and np.array_equal(last.unknowns, unknowns):
@@ -156,7 +156,7 @@ class _Problem:
         tau_s = self.seen.light_times_s(places - velocities * tau_s[:, None])
         return places - velocities * tau_s[:, None], slopes
 
-    def deviate(self, motion: Motion, unknowns: FloatArray) -> float:
+    def deviate(self, motion: Propagator, unknowns: FloatArray) -> float:
         """Compute the deviation at these unknowns; return by how many arcsec it was wrong."""
         r, v = self.view.state(unknowns)
         true = motion.states(r, v, self.seen.t_s)
@@ -179,13 +179,13 @@ class _Problem:
         return moved * size / float(np.exp(log_range)) / ARCSEC_RAD
 
 
-def fit(
+def fit_orbit(
     seen: MeasuredDirections,
     start: State,
     *,
     prior: Prior | None = None,
-    motion: Motion | None = None,
-) -> Fit:
+    motion: Propagator | None = None,
+) -> OrbitFit:
     """Fit an orbit to all directions, starting from ``start``, a state at their epoch.
 
     ``motion`` propagates the object; None: two-body motion. Directions that fit no orbit are left
@@ -204,7 +204,7 @@ def fit(
 def formal_covariances(
     seen: MeasuredDirections, state: State, prior: Prior
 ) -> tuple[FloatArray, FloatArray]:
-    """Covariances (6, 6) of ``state`` as a fit there would give them: with the prior, and without.
+    """Return the covariances (6, 6) of a fit at ``state``, with and without the prior.
 
     Nothing is fitted: the problem is linearised at ``state``.
     """
@@ -229,7 +229,7 @@ def _problem(seen: MeasuredDirections, start: State, prior: Prior) -> _Problem:
 
 
 def _descend_with(
-    problem: _Problem, motion: Motion, unknowns: FloatArray
+    problem: _Problem, motion: Propagator, unknowns: FloatArray
 ) -> tuple[FloatArray, bool]:
     """Descend, computing the forces' deviation again until it no longer changes."""
     stale_arcsec = _STALE * float(np.median(1.0 / np.abs(problem.seen.whitening[:, 0, 0])))
@@ -300,9 +300,10 @@ def _weights(problem: _Problem, value: FloatArray) -> FloatArray:
     return np.concatenate([np.repeat(each, 2), np.ones(len(value) - 2 * len(size))])
 
 
-def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fit:
+def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> OrbitFit:
     """Final fit: outliers left out, last steps without them, and the covariance that belongs to
-    it."""
+    it.
+    """
     value, slopes = problem.rows(unknowns)
     is_used = _used(_squares(problem, value))
     for _ in range(5):
@@ -325,7 +326,7 @@ def _finished(problem: _Problem, unknowns: FloatArray, is_converged: bool) -> Fi
     r, v = problem.view.state(unknowns)
     prior_chi2 = float(np.sum(value[2 * len(is_used) :] ** 2))
     covariance = to_state @ inverse_normal_matrix(slopes[keep].T @ slopes[keep]) @ to_state.T
-    return Fit(
+    return OrbitFit(
         r_km=r,
         v_km_s=v,
         covariance=covariance,
@@ -355,7 +356,8 @@ def _step(slopes: FloatArray, value: FloatArray) -> FloatArray | None:
 
 def _used(squares: FloatArray) -> BoolArray:
     """True for directions that are no outliers; the worst third at most is left out. Where most
-    scatter more than their sigmas allow, the sigmas are wrong."""
+    scatter more than their sigmas allow, the sigmas are wrong.
+    """
     scatter = max(1.0, float(np.median(squares)) / _MEDIAN_SQUARE)
     bound = max(_OUTLIER * scatter, float(np.quantile(squares, 2.0 / 3.0)))
     return np.asarray(squares <= bound)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.determination.fit import Fit, Prior, fit, formal_covariances
+from rsoconsole.orbits.determination.fit import OrbitFit, Prior, fit_orbit, formal_covariances
 from rsoconsole.orbits.determination.regimes import (
     AUTOMATIC,
     FREE_SIGMA_A_KM,
@@ -24,11 +24,11 @@ from rsoconsole.orbits.determination.regimes import (
     PriorName,
     Regime,
     eccentricity_sigma,
-    is_as_predicted,
-    is_of_its_regime,
-    label_of,
-    passes,
+    is_consistent_with_regime,
+    is_prediction_unambiguous,
+    orbit_label,
     semi_major_axis_sigma_km,
+    split_into_passes,
     starting_states_for_pass,
     widened_covariance,
 )
@@ -36,10 +36,10 @@ from rsoconsole.orbits.first.directions import (
     INWARD,
     MeasuredDirections,
     State,
-    is_plausible,
-    seeds,
+    is_plausible_orbit,
+    starting_states,
 )
-from rsoconsole.orbits.motion.forces import Motion, PerturbedPropagator
+from rsoconsole.orbits.motion.forces import PerturbedPropagator, Propagator
 from rsoconsole.orbits.motion.prediction import KnownOrbit
 from rsoconsole.orbits.motion.two_body import axis_and_inclination
 
@@ -65,13 +65,12 @@ class Orbit(KnownOrbit):
     prior: PriorName
     """Name of the prior in use; ``none`` for a free orbit."""
     reason: str
-    """Why the orbit has its label, in words."""
     sigma_a_km: float
     rms_arcsec: float
     """RMS residual of the used directions, per axis, arcsec."""
     observations: int
     outliers: int
-    fit: Fit
+    fit: OrbitFit
     rivals: int
     """Number of other, distinct orbits that fit as well."""
     is_astray: bool = False
@@ -82,7 +81,7 @@ class Orbit(KnownOrbit):
 class _Found:
     """The best fit of several, and how many others are as good."""
 
-    fit: Fit
+    fit: OrbitFit
     rivals: int
     prior: PriorName
 
@@ -96,23 +95,22 @@ class _Asked:
     """Prior and forces of a determination."""
 
     prior: PriorName
-    forces: Motion
+    forces: Propagator
 
 
-def determine(
+def determine_orbit(
     seen: MeasuredDirections,
     *,
     prior: PriorName = "auto",
     start: State | None = None,
     tries_seeds: bool = True,
 ) -> Orbit | None:
-    """Determine the best orbit through ``seen``; None: too few directions, or no orbit fits.
+    """Determine the best orbit through directions; None if they are too few or no orbit fits.
 
-    ``start``: an earlier orbit's state (`Orbit.states`) at the epoch of ``seen``, which the fit
-    only refines, quickly. Without a start, or where it leads nowhere, all seeds are tried, which
-    takes a hundred times as long; with ``tries_seeds`` False the orbit from the start is the only
-    one. ``prior``: ``auto`` takes that of the regime in which the orbit lies, and none where the
-    directions need none.
+    ``start``: state of an earlier orbit at the epoch of ``seen``; refining it is a hundred times
+    faster than trying all seeds, which is done without a start or where it leads to no good orbit
+    (not if ``tries_seeds`` is False). ``prior``: name of a prior; ``auto`` is the prior of the
+    orbit's regime, or none where the directions need none.
     """
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
@@ -127,20 +125,25 @@ def determine(
 
 def _from_nothing(seen: MeasuredDirections, asked: _Asked) -> _Found | None:
     """Determine without a start: from the longest pass to all of them, the nearest in time
-    first."""
-    known, *others = passes(seen)
-    found = _first_pass(seen.of(known), asked)
+    first.
+    """
+    known, *others = split_into_passes(seen)
+    found = _first_pass(seen.subset(known), asked)
     while others and found is not None:
         covariance = widened_covariance(found.fit)
-        added = [each for each in others if is_as_predicted(found.state, covariance, seen.of(each))]
+        added = [
+            each
+            for each in others
+            if is_prediction_unambiguous(found.state, covariance, seen.subset(each))
+        ]
         starts: tuple[State, ...] = (found.state,)
         if not added:
             added = others[:1]
-            starts = starting_states_for_pass(found.state, covariance, seen.of(others[0]))
+            starts = starting_states_for_pass(found.state, covariance, seen.subset(others[0]))
         known = np.sort(np.concatenate([known, *added]))
         others = [each for each in others if not any(each is one for one in added)]
-        starts = _sifted(seen.of(known), starts, _belief(found.prior))
-        found = _settled(seen.of(known), starts, asked)
+        starts = _sifted(seen.subset(known), starts, _belief(found.prior))
+        found = _settled(seen.subset(known), starts, asked)
     return found
 
 
@@ -148,15 +151,17 @@ def _sifted(seen: MeasuredDirections, starts: tuple[State, ...], prior: Prior) -
     """The few of many starts that are worth the forces' price."""
     if len(starts) <= _MAX_STARTS:
         return starts
-    fits = sorted((fit(seen, each, prior=prior) for each in starts), key=lambda each: each.cost)
-    sifted: list[Fit] = []
+    fits = sorted(
+        (fit_orbit(seen, each, prior=prior) for each in starts), key=lambda each: each.cost
+    )
+    sifted: list[OrbitFit] = []
     for each in fits:
-        if is_plausible(each.r_km, each.v_km_s) and _is_apart(each, sifted):
+        if is_plausible_orbit(each.r_km, each.v_km_s) and _is_apart(each, sifted):
             sifted.append(each)
     return tuple((each.r_km, each.v_km_s) for each in sifted[:_MAX_STARTS])
 
 
-def _is_apart(found: Fit, others: Iterable[Fit]) -> bool:
+def _is_apart(found: OrbitFit, others: Iterable[OrbitFit]) -> bool:
     """True where the orbit differs from each of the others, by 5 % of its distance."""
     size = 0.05 * float(np.linalg.norm(found.r_km))
     return all(float(np.linalg.norm(found.r_km - each.r_km)) > size for each in others)
@@ -169,7 +174,7 @@ def _first_pass(seen: MeasuredDirections, asked: _Asked) -> _Found | None:
     """
     best: _Found | None = None
     for inward in INWARD:
-        found = _settled(seen, seeds(seen, inward), asked)
+        found = _settled(seen, starting_states(seen, inward), asked)
         if found is not None and (best is None or found.fit.cost < best.fit.cost):
             best = found
         if best is not None and not _is_astray(best):
@@ -179,7 +184,8 @@ def _first_pass(seen: MeasuredDirections, asked: _Asked) -> _Found | None:
 
 def _settled(seen: MeasuredDirections, starts: tuple[State, ...], asked: _Asked) -> _Found | None:
     """Best fit: with a prior where one is requested or needed, without where the directions
-    suffice."""
+    suffice.
+    """
     if asked.prior in REGIMES:
         return _best(seen, starts, asked.prior, asked)
     is_refining = len(starts) == 1
@@ -189,7 +195,7 @@ def _settled(seen: MeasuredDirections, starts: tuple[State, ...], asked: _Asked)
         if not _is_near(REGIMES[name], starts):
             continue
         constrained = _best(seen, starts, name, asked)
-        if constrained is None or not is_of_its_regime(constrained.fit, REGIMES[name]):
+        if constrained is None or not is_consistent_with_regime(constrained.fit, REGIMES[name]):
             continue
         # Of an orbit that is refined that was asked where it began.
         if is_refining or not _needs_no_prior(seen, constrained.state):
@@ -210,7 +216,7 @@ def _is_near(regime: Regime, starts: tuple[State, ...]) -> bool:
 
 def _needs_no_prior(seen: MeasuredDirections, state: State) -> bool:
     """True where the directions alone give axis and eccentricity hardly worse than with a prior."""
-    near = [each.prior for each in REGIMES.values() if each.holds(state)]
+    near = [each.prior for each in REGIMES.values() if each.contains(state)]
     constrained, free = formal_covariances(seen, state, near[0] if near else Prior())
     sigma_a_km, sigma_e = semi_major_axis_sigma_km(state, free), eccentricity_sigma(state, free)
     return sigma_a_km <= min(
@@ -228,12 +234,14 @@ def _best(
 ) -> _Found | None:
     """The cheapest fit from any start, and how many others are as good."""
     motion = None if seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S else asked.forces
-    fits = [fit(seen, each, prior=_belief(name), motion=motion) for each in starts]
-    sound = [each for each in fits if each.is_converged and is_plausible(each.r_km, each.v_km_s)]
+    fits = [fit_orbit(seen, each, prior=_belief(name), motion=motion) for each in starts]
+    sound = [
+        each for each in fits if each.is_converged and is_plausible_orbit(each.r_km, each.v_km_s)
+    ]
     if not sound:
         return None
     best = min(sound, key=lambda each: each.cost)
-    rivals: list[Fit] = []
+    rivals: list[OrbitFit] = []
     for each in sorted(sound, key=lambda each: each.cost):
         if each.cost < best.cost + _RIVAL and _is_apart(each, (best, *rivals)):
             rivals.append(each)
@@ -244,7 +252,7 @@ def _labelled(seen: MeasuredDirections, found: _Found, asked: _Asked) -> Orbit:
     best = found.fit
     covariance = widened_covariance(best)
     sigma_a = semi_major_axis_sigma_km(found.state, covariance)
-    label, reason = label_of(seen, best, found.prior, found.rivals)
+    label, reason = orbit_label(seen, best, found.prior, found.rivals)
     used = best.residuals_arcsec[best.is_used]
     return Orbit(
         label=label,

@@ -1,10 +1,10 @@
-"""Joining of tracklets: one orbit through all of them, against one for each. Pure.
+"""Joining of tracklets: one orbit for all of them, compared with one orbit for each. Pure.
 
-The answer is a ratio of two evidences (MacKay 2003, Information Theory, Inference, and Learning
-Algorithms, 28): that of one orbit for the directions of both tracklets, and that of two orbits
-drawn from the population (``population``). An evidence weighs how well the directions are explained
-against how much they leave uncertain. Unmodelled forces and the stars' own errors move whole
-tracklets: each has an offset of unknown size, solved for and integrated out.
+The result is a ratio of evidences (MacKay 2003, Information Theory, Inference, and Learning
+Algorithms, 28): that of one orbit for the directions of both tracklets, over that of two orbits
+drawn from the population (``population``). An evidence weighs how well an orbit explains the
+directions against how uncertain they leave it. Unmodelled forces and errors of star positions shift
+whole tracklets: each has an unknown offset, which is solved for and integrated out.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from rsoconsole.orbits.determination.from_directions import determine
+from rsoconsole.orbits.determination.from_directions import determine_orbit
 from rsoconsole.orbits.determination.regimes import PriorName
 from rsoconsole.orbits.first.directions import MeasuredDirections, State
 from rsoconsole.orbits.first.population import Population, log_prior_density, population_of
@@ -24,8 +24,7 @@ from rsoconsole.words import NS_PER_S
 STARS_ARCSEC = 0.3
 """One sigma of the error that plate solutions give to all directions of a tracklet alike."""
 FORCES_ARCSEC_A_DAY = 4.0
-"""Error of unmodelled forces: 2.4 for a geostationary satellite whose area to mass is off by all of
-the usual one, and what else is left out; SGP4 and these forces differ by as much."""
+"""Error of unmodelled forces, arcsec a day: 2.4 from a geostationary satellite's area to mass."""
 _STEPS = 8
 _SETTLED = 1e-3
 _STEP = np.array([1e-1, 1e-1, 1e-1, 1e-5, 1e-5, 1e-5])
@@ -51,7 +50,6 @@ class JointOrbit:
     """One orbit fitted to several tracklets, with its evidence."""
 
     state: State
-    """State at ``epoch_utc_ns``."""
     covariance: FloatArray
     """Covariance (6, 6), km and km/s; it includes the common errors of whole tracklets."""
     epoch_utc_ns: int
@@ -61,7 +59,7 @@ class JointOrbit:
 
 def tracklet_orbit(seen: MeasuredDirections, prior: PriorName = "auto") -> TrackletOrbit | None:
     """Fit an orbit to one tracklet by itself; None where no orbit passes through it."""
-    orbit = determine(seen, prior=prior)
+    orbit = determine_orbit(seen, prior=prior)
     if orbit is None:
         return None
     population = population_of(orbit.r_km, orbit.v_km_s, orbit.prior)
@@ -79,7 +77,7 @@ def tracklet_orbit(seen: MeasuredDirections, prior: PriorName = "auto") -> Track
     )
 
 
-def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
+def log_odds_same_object(first: TrackletOrbit, second: TrackletOrbit) -> float:
     """Logarithm of the odds that two tracklets are of one object.
 
     Minus infinity where no orbit fits both. The search for such an orbit starts from that of the
@@ -96,15 +94,16 @@ def log_odds(first: TrackletOrbit, second: TrackletOrbit) -> float:
     return _log_odds(first.population, both, first.log_evidence, second)
 
 
-def log_odds_of_more(
+def log_odds_of_joining(
     start: TrackletOrbit, used: Sequence[MeasuredDirections], more: TrackletOrbit
 ) -> float:
-    """Logarithm of the odds that ``more`` is of the same object as ``start`` and ``used``.
+    """Return the log odds that the tracklet ``more`` is of the same object as others.
 
-    ``used``: the tracklets already joined to ``start``. Minus infinity where no orbit fits.
+    ``start``, ``used``: the others, a first tracklet and those joined to it. Minus infinity where
+    no orbit fits.
     """
     if not used:
-        return log_odds(start, more)
+        return log_odds_same_object(start, more)
     parts = (start.seen, *used)
     epoch = start.seen.epoch_utc_ns
     before = joint_orbit(parts, start.state, epoch, start.population)
@@ -129,15 +128,15 @@ def _log_odds(
     return ratio - float(np.log(population.objects))
 
 
-def probability_of(log_odds: float) -> float:
-    """Probability that tracklets are of one object, by log odds; 0 where the odds are NaN."""
+def probability_from_log_odds(log_odds: float) -> float:
+    """Convert the log odds that tracklets are of one object to a probability; 0 for NaN."""
     from scipy.special import expit
 
     return float(np.nan_to_num(expit(log_odds)))
 
 
 def merged_tracklets(parts: Sequence[MeasuredDirections]) -> tuple[MeasuredDirections, FloatArray]:
-    """Merge tracklets in order of time; also the number (N,) of each direction's tracklet."""
+    """Return all directions in order of time, and the index (N,) of each one's tracklet."""
     which = np.concatenate([np.full(len(each), n) for n, each in enumerate(parts)])
     t = np.concatenate([each.t_utc_ns for each in parts])
     order = np.argsort(t, kind="stable")
@@ -173,12 +172,12 @@ def joint_orbit(
 ) -> JointOrbit | None:
     """Fit one orbit to all tracklets by least squares, and compute its evidence.
 
-    ``start``: the first guess, a state at ``epoch_utc_ns``. ``population``: orbits that the
-    evidence expects. None where the fit leads nowhere, or leaves a chi-square above ``worst_chi2``.
+    ``start``: initial state, at ``epoch_utc_ns``. ``population``: prior distribution of orbits for
+    the evidence. None where the fit fails or leaves a chi-square above ``worst_chi2``.
     """
     seen, which = merged_tracklets(parts)
     forces = PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns)
-    state = np.concatenate(state_at(start, epoch_utc_ns, seen.epoch_utc_ns))
+    state = np.concatenate(propagated_state(start, epoch_utc_ns, seen.epoch_utc_ns))
     offset_arcsec = common_error_arcsec(seen)
     last = float("inf")
     for step in range(_STEPS):
@@ -215,7 +214,7 @@ def joint_orbit(
     )
 
 
-def state_at(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
+def propagated_state(start: State, from_utc_ns: int, to_utc_ns: int) -> State:
     """Propagate a state from one instant to another, with all modelled forces."""
     since_s = np.array([(to_utc_ns - from_utc_ns) / NS_PER_S])
     r, v = PerturbedPropagator(epoch_utc_ns=from_utc_ns).states(*start, since_s)

@@ -17,8 +17,8 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbits.determination.fit import Fit, Prior
-from rsoconsole.orbits.first.directions import MeasuredDirections, State, is_plausible
+from rsoconsole.orbits.determination.fit import OrbitFit, Prior
+from rsoconsole.orbits.first.directions import MeasuredDirections, State, is_plausible_orbit
 from rsoconsole.orbits.motion.two_body import (
     axis_and_inclination,
     eccentricity_vector,
@@ -30,7 +30,6 @@ from rsoconsole.sky import IntArray
 
 PriorName = Literal["auto", "none", "slot", "geo", "meo"]
 AUTOMATIC: tuple[PriorName, ...] = ("slot", "geo", "meo")
-"""Priors that ``auto`` tries, in this order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +45,11 @@ class Regime:
     """Largest inclination to the GCRS equator, deg; the equator of date is 0.15 deg off it."""
 
     @property
-    def dimensions(self) -> int:
+    def prior_dimensions(self) -> int:
         """Number of quantities that the prior constrains: 2 of the eccentricity, 1 of the axis."""
         return 2 if self.prior.a_km is None else 3
 
-    def holds(self, state: State) -> bool:
+    def contains(self, state: State) -> bool:
         """True where a state's semi-major axis and inclination are in this regime."""
         a_km, i_deg = axis_and_inclination(*state)
         return self.lowest_a_km <= a_km <= self.highest_a_km and i_deg <= self.highest_i_deg
@@ -77,7 +76,6 @@ REGIMES: Mapping[str, Regime] = {
         highest_a_km=34_000.0,
     ),
 }
-"""Regimes by the names of their priors."""
 
 
 Label = Literal["free", "constrained by prior", "weak geometry", "not observable"]
@@ -94,7 +92,7 @@ _MUCH = 2.5
 """Ratio of scatter to claimed sigma from which on the reason mentions it."""
 
 
-def widened_covariance(found: Fit) -> FloatArray:
+def widened_covariance(found: OrbitFit) -> FloatArray:
     """Covariance (6, 6) of a fit, widened where the directions scatter more than their sigmas.
 
     The factor is chi-square over the degrees of freedom; the covariance is never narrowed.
@@ -107,10 +105,10 @@ def widened_covariance(found: Fit) -> FloatArray:
     return found.covariance * (found.chi2 / dof)
 
 
-def label_of(
-    seen: MeasuredDirections, found: Fit, prior: PriorName, rivals: int
+def orbit_label(
+    seen: MeasuredDirections, found: OrbitFit, prior: PriorName, rivals: int
 ) -> tuple[Label, str]:
-    """Label of an orbit, and the reason in words.
+    """Return the label of a fitted orbit, and the reason for it in words.
 
     ``rivals``: number of other orbits that fit as well.
     """
@@ -125,14 +123,14 @@ def label_of(
     return "constrained by prior", f"{REGIMES[prior].words} ({prior})" + scatter
 
 
-def is_of_its_regime(found: Fit, regime: Regime) -> bool:
+def is_consistent_with_regime(found: OrbitFit, regime: Regime) -> bool:
     """True where the fitted orbit is in the regime and does not contradict its prior."""
-    limit = _SURPRISE[regime.dimensions]
-    return regime.holds((found.r_km, found.v_km_s)) and found.prior_chi2 < limit
+    limit = _SURPRISE[regime.prior_dimensions]
+    return regime.contains((found.r_km, found.v_km_s)) and found.prior_chi2 < limit
 
 
 def _doubt(
-    seen: MeasuredDirections, found: Fit, prior: PriorName, rivals: int
+    seen: MeasuredDirections, found: OrbitFit, prior: PriorName, rivals: int
 ) -> tuple[Label, str] | None:
     covariance = widened_covariance(found)
     minutes = (seen.t_s[-1] - seen.t_s[0]) / 60.0
@@ -148,14 +146,16 @@ def _doubt(
         doubt = "weak geometry", f"{rivals + 1} orbits fit alike: more directions will tell"
     elif found.degrees_of_freedom <= 0:
         doubt = "weak geometry", f"some orbit fits any {len(seen)} directions: nothing checks it"
-    elif prior != "none" and not is_of_its_regime(found, REGIMES[prior]):
+    elif prior != "none" and not is_consistent_with_regime(found, REGIMES[prior]):
         doubt = "weak geometry", f"the directions speak against the prior ({prior})"
     elif sigma_a_km > enough_km:
         doubt = "weak geometry", f"sigma of a is {sigma_a_km:.0f} km: a longer arc is needed"
     return doubt
 
 
-def _relative_sigma_of_range(seen: MeasuredDirections, found: Fit, covariance: FloatArray) -> float:
+def _relative_sigma_of_range(
+    seen: MeasuredDirections, found: OrbitFit, covariance: FloatArray
+) -> float:
     line = found.r_km - seen.sites_km[int(np.argmin(np.abs(seen.t_s)))]
     distance = float(np.linalg.norm(line))
     line = line / distance
@@ -175,22 +175,19 @@ def eccentricity_sigma(state: State, covariance: FloatArray) -> float:
 
 
 GAP_S = 1800.0
-"""Gap between directions that ends a pass, s."""
 _SURE = 0.02
-"""Largest sigma of a place over its distance from the Earth's centre at which revolutions are
-counted without error."""
+"""Largest sigma of a place over its geocentric distance to count revolutions without error."""
 _STEP = 0.3
-"""Largest distance between two starts at the other pass, over its distance from the Earth's
-centre."""
+"""Largest distance between two starts at the other pass, over the geocentric distance."""
 _MAX_STEPS = 20
 _SIGMAS = 3.0
 
 
-def passes(seen: MeasuredDirections) -> tuple[IntArray, ...]:
-    """Split directions into passes: the indices of each, the longest pass first.
+def split_into_passes(seen: MeasuredDirections) -> tuple[IntArray, ...]:
+    """Split directions into passes; return the indices of each pass, the longest pass first.
 
-    The others follow in order of their distance in time from the first. A pass ends with a gap of
-    ``GAP_S``.
+    The other passes follow in order of their distance in time from the longest. A gap of ``GAP_S``
+    ends a pass.
     """
     ends = np.flatnonzero(np.diff(seen.t_s) > GAP_S) + 1
     groups = [np.asarray(each, np.int64) for each in np.split(np.arange(len(seen)), ends)]
@@ -201,10 +198,12 @@ def passes(seen: MeasuredDirections) -> tuple[IntArray, ...]:
     )
 
 
-def is_as_predicted(state: State, covariance: FloatArray, later: MeasuredDirections) -> bool:
-    """True where an orbit predicts another pass so well that no revolution is miscounted.
+def is_prediction_unambiguous(
+    state: State, covariance: FloatArray, later: MeasuredDirections
+) -> bool:
+    """Return True if an orbit predicts another pass without an error of whole revolutions.
 
-    ``later``: the directions of that pass.
+    ``later``: directions of the other pass.
     """
     distance, _, sigma_km = _weakest(state, covariance, later)
     return sigma_km < _SURE * distance
@@ -213,11 +212,11 @@ def is_as_predicted(state: State, covariance: FloatArray, later: MeasuredDirecti
 def starting_states_for_pass(
     state: State, covariance: FloatArray, later: MeasuredDirections
 ) -> tuple[State, ...]:
-    """States at the epoch along the line on which an orbit is least known, three sigma either way.
+    """Return states at the epoch along the line of variations, to three sigma either way.
 
-    They lie so close together that one of them is near the truth, whatever the number of
-    revolutions up to the pass ``later``. Source: line of variations, Milani et al. 2005, Astronomy
-    & Astrophysics 431, 729.
+    They are so close together that one of them is near the truth, whatever the number of
+    revolutions to another pass, ``later``. Source: Milani et al. 2005, Astronomy & Astrophysics
+    431, 729.
     """
     distance, step, sigma_km = _weakest(state, covariance, later)
     if not np.isfinite(sigma_km):
@@ -225,7 +224,7 @@ def starting_states_for_pass(
     count = int(min(np.ceil(_SIGMAS * sigma_km / (_STEP * distance)), _MAX_STEPS))
     shares = np.linspace(-_SIGMAS, _SIGMAS, 2 * count + 1)
     states = [(state[0] + share * step[:3], state[1] + share * step[3:]) for share in shares]
-    return tuple(each for each in states if is_plausible(*each))
+    return tuple(each for each in states if is_plausible_orbit(*each))
 
 
 def _weakest(

@@ -15,12 +15,12 @@ import numpy as np
 from sgp4 import omm
 from sgp4.api import Satrec, SatrecArray
 
-from rsoconsole.base import OrbitError, json_of
+from rsoconsole.base import OrbitError, parse_json
 from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     IntArray,
-    Places,
+    SkyPlaces,
     astrometric_places,
     iso_to_utc_ns,
     jd_utc,
@@ -41,8 +41,7 @@ _OF_TWO_LINES = {
 """Fields that an OMM may omit, with the values that SGP4 gets instead."""
 _MAX_ALPHA_5 = 339_999
 MAX_SETS = 200_000
-"""Largest number of element sets in one text: three times all ever catalogued; more take
-minutes."""
+"""Largest number of element sets in one text: three times all ever catalogued."""
 _SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
 
 
@@ -57,7 +56,7 @@ class CatalogueEntry:
 
     @property
     def revolutions_a_day(self) -> float:
-        """Mean motion as published."""
+        """Mean motion as published, revolutions a day."""
         return float(self.record.no_kozai) * 720.0 / np.pi
 
     @property
@@ -88,13 +87,10 @@ def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntr
     return found
 
 
-def nearest_in_epoch_of_each(
+def nearest_epoch_entries(
     entries: Iterable[CatalogueEntry], t_utc_ns: int
 ) -> tuple[CatalogueEntry, ...]:
-    """For each object the element set nearest in epoch to an instant.
-
-    In order of catalogue number.
-    """
+    """Return each object's element set nearest in epoch to an instant, ordered by number."""
     best: dict[int, CatalogueEntry] = {}
     for each in entries:
         rival = best.get(each.norad_id)
@@ -132,7 +128,7 @@ def _in_gcrs(
     return np.where(is_good, r, np.nan), np.where(is_good, v, np.nan)
 
 
-def places_of(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> Places:
+def object_places(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> SkyPlaces:
     """Places of one object at instants (N,), as a plate solution measures them.
 
     NaN where SGP4 fails.
@@ -187,7 +183,7 @@ def _xml(text: str, source: str) -> Sequence[Mapping[str, Any]]:
 
 def _json(text: str, source: str) -> Sequence[Mapping[str, Any]]:
     try:
-        read = json_of(text)
+        read = parse_json(text)
     except ValueError as error:
         raise OrbitError(f"{source} is no OMM in JSON: {error}; fetch it again") from error
     messages = read if isinstance(read, list) else [read]
@@ -229,7 +225,6 @@ def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
 
 
 LISTED = 8
-"""Number of candidates that an error message lists."""
 
 
 def find_object(entries: Sequence[CatalogueEntry], wanted: str) -> tuple[CatalogueEntry, ...]:
@@ -314,11 +309,11 @@ class Satellite:
         )
         return _in_gcrs(t, failed, r_teme, v_teme)
 
-    def astrometric_place(self, site: Site, t_utc_ns: IntArray) -> Places:
+    def astrometric_place(self, site: Site, t_utc_ns: IntArray) -> SkyPlaces:
         """Places, ranges and rates at instants (N,), to compare with measured directions."""
         return astrometric_places(self.position_gcrs, site, t_utc_ns)
 
-    def magnitude(self, places: Places) -> FloatArray:
+    def magnitude(self, places: SkyPlaces) -> FloatArray:
         """Magnitudes (N,) of a diffuse sphere at these places; inf in the umbra."""
         lit = lit_fraction(places.position_gcrs_km, places.t_utc_ns)
         phase = phase_angle_deg(places.position_gcrs_km, places.site_gcrs_km, places.t_utc_ns)

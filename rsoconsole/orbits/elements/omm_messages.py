@@ -16,7 +16,7 @@ ORIGINATOR = "RSOCONSOLE"
 Form = Literal["kvn", "xml", "json"]
 
 
-def omm(elements: MeanElements, *, created_utc_ns: int, form: Form = "kvn") -> str:
+def omm_message(elements: MeanElements, *, created_utc_ns: int, form: Form = "kvn") -> str:
     """Write elements as one Orbit Mean-Elements Message, in the given form."""
     header = {"CREATION_DATE": _time(created_utc_ns), "ORIGINATOR": ORIGINATOR}
     comment = f"SGP4 elements fitted to directions, {elements.rms_arcsec:.2f} arcsec rms"

@@ -1,11 +1,11 @@
-"""SGP4 elements fitted to an orbit and its directions, for catalogues and other programs. Pure.
+"""SGP4 elements fitted to an orbit and its directions, for use by other programs. Pure.
 
-Two-line elements are the constants of a theory, not an orbit at an instant, and are fitted as such:
-to the directions, so that forces without a term in SGP4 are spread over the nights that were seen,
-and lightly to the orbit determined from the directions, over one revolution at least. The orbit
-fixes the elements where the directions determine them poorly (the eccentricity by two short passes
-at one hour of the night). Drag is fitted where the directions determine it. Source: Vallado &
-Crawford 2008, SGP4 orbit determination, AIAA 2008-6770; equinoctial elements, which stay regular
+Two-line elements are constants of a theory, not an orbit at an instant. They are fitted to the
+directions, so that the effect of forces that SGP4 lacks is spread over the nights observed, and
+with a low weight to the orbit determined from the directions, over one revolution at least. The
+orbit fixes the elements that the directions determine poorly (the eccentricity, from two short
+passes at one hour of the night). Drag is fitted where the directions determine it. Source: Vallado
+& Crawford 2008, SGP4 orbit determination, AIAA 2008-6770; equinoctial elements, which stay regular
 for circular and for equatorial orbits.
 """
 
@@ -19,7 +19,7 @@ from rsoconsole.base import OrbitError
 from rsoconsole.orbits.determination.from_directions import Orbit
 from rsoconsole.orbits.elements.elements import ALPHA_5, ElementSet, checksum, parse_elements
 from rsoconsole.orbits.first.directions import MeasuredDirections
-from rsoconsole.orbits.motion.two_body import elements_of, period_s
+from rsoconsole.orbits.motion.two_body import osculating_elements, period_s
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray, jd_utc, teme_to_gcrs_rotation
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
@@ -63,7 +63,7 @@ class MeanElements:
     cospar: str = ""
     """International designator, as ``2009-064A``; empty where it is unknown."""
 
-    def record(self) -> Any:
+    def sgp4_record(self) -> Any:
         """Return the record that SGP4 propagates.
 
         Raises OrbitError where SGP4 refuses the elements.
@@ -84,10 +84,10 @@ class MeanElements:
         return record
 
     def rounded(self) -> "MeanElements":
-        """Round the elements to the digits of two lines.
+        """Return the elements rounded to the digits of two-line elements.
 
-        The mean anomaly makes up for the rounding of node and perigee, so that the place in the
-        orbit stays.
+        The mean anomaly absorbs the rounding of node and perigee, so that the place in the orbit
+        stays.
         """
         raan, argp = round(self.raan_deg, 4) % 360.0, round(self.argp_deg, 4) % 360.0
         anomaly = self.raan_deg + self.argp_deg + self.m_deg - raan - argp
@@ -109,7 +109,7 @@ class MeanElements:
         from sgp4.exporter import export_tle
 
         number = _five_columns(self.norad_id)
-        record = self.rounded().record()
+        record = self.rounded().sgp4_record()
         if self.cospar:
             record.intldesg = self.cospar[2:4] + self.cospar[5:]
         lines = [each[:2] + number + each[7:68] for each in export_tle(record)]
@@ -117,17 +117,18 @@ class MeanElements:
         return parse_elements(text, "elements fitted")[0]
 
 
-def mean_elements(
+def fit_mean_elements(
     orbit: Orbit,
     seen: MeasuredDirections,
     *,
     norad_id: int = ANALYST_NUMBERS.start,
     name: str = "UNKNOWN",
 ) -> MeanElements:
-    """Fit elements to an orbit and the directions that it was determined from.
+    """Fit SGP4 elements to an orbit and the directions from which it was determined.
 
-    Their epoch is the last direction's. ``norad_id``: one of `ANALYST_NUMBERS` for an object
-    without a name. Raises OrbitError where SGP4 knows no such orbit (unbound, or decayed).
+    Their epoch is that of the last direction. ``norad_id``: one of `ANALYST_NUMBERS` for an object
+    without a catalogue number. Raises OrbitError where SGP4 cannot represent the orbit (unbound, or
+    decayed).
     """
     epoch = int(seen.t_utc_ns[-1]) // TLE_STEP_NS * TLE_STEP_NS
     with np.errstate(all="ignore"):
@@ -182,7 +183,7 @@ class _Frame:
         at = np.array([epoch_utc_ns])
         r, v = (each[0] for each in orbit.states(at))
         back = teme_to_gcrs_rotation(at)[0].T
-        now = elements_of(back @ r, back @ v, MU_WGS72_KM3_S2)
+        now = osculating_elements(back @ r, back @ v, MU_WGS72_KM3_S2)
         if not (now.a_km > 0.0 and np.isfinite(now.m_deg)):
             raise OrbitError("the orbit is not bound at the last direction: it has no elements")
         node, argp, mean = np.radians([now.raan_deg, now.argp_deg, now.m_deg])
@@ -219,7 +220,7 @@ class _Frame:
         """GCRS positions and velocities (N, 3); far away where SGP4 fails."""
         far = np.full((len(t_utc_ns), 3), 1e9)
         try:
-            record = self.elements(unknowns).record()
+            record = self.elements(unknowns).sgp4_record()
         except OrbitError:
             return far, np.zeros_like(far)
         failed, r, v = record.sgp4_array(*(np.ascontiguousarray(x) for x in jd_utc(t_utc_ns)))

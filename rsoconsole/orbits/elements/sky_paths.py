@@ -1,8 +1,8 @@
-"""Paths of catalogued objects on the sky, ahead of their elements or behind them. Pure.
+"""Paths of catalogued objects on the sky, ahead of their elements or behind. Pure.
 
-A lead, in seconds, states how far: an object with a lead of 10 s is now where its elements put it
-10 s later, seen from where the site is now; a lead below 0 is a lag. Unit vectors along ICRS axes;
-directions as a plate measures them.
+A lead, in seconds, is the time by which an object is ahead: with a lead of 10 s it is now where its
+elements put it 10 s later, seen from where the site is now; with a lead below 0 it is behind. Unit
+vectors along ICRS axes; directions as a plate solution measures them.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from rsoconsole.words import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ObjectPlaces:
-    """Places of M objects, each at L leads over its elements; NaN where SGP4 fails."""
+    """Places of M objects, each at L leads (s ahead of its elements); NaN where SGP4 fails."""
 
     u: FloatArray
     """Unit vectors (M, L, 3) from the site."""
@@ -43,8 +43,8 @@ class Observer:
         # What turns it in the seconds of a lead is 1e-9 of it.
         self._rotation = teme_to_gcrs_rotation(at)[0]
 
-    def seen(self, satellites: SatrecArray, lead_s: FloatArray) -> ObjectPlaces:
-        """Places of M objects at leads (L,), in seconds, seen at this instant."""
+    def places_at_leads(self, satellites: SatrecArray, lead_s: FloatArray) -> ObjectPlaces:
+        """Return the places of M objects at this instant, for each of the leads (L,) in seconds."""
         t = self._t_utc_ns + np.rint(np.asarray(lead_s) * NS_PER_S).astype(np.int64)
         jd_1, jd_2 = jd_utc(t)
         failed, r_teme, v_teme = satellites.sgp4(
@@ -78,12 +78,13 @@ class Exposure:
         self.opening = Observer(site, t_mid_utc_ns - half_ns)
         self.closing = Observer(site, t_mid_utc_ns + half_ns)
 
-    def three(
+    def places_through_exposure(
         self, satellites: SatrecArray, lead_s: FloatArray
     ) -> tuple[ObjectPlaces, ObjectPlaces, ObjectPlaces]:
-        """Places of objects at leads (L,): at the opening, the middle and the closing."""
+        """Return the places of objects at opening, middle and closing, for leads (L,), s."""
         opening, middle, closing = (
-            each.seen(satellites, lead_s) for each in (self.opening, self.middle, self.closing)
+            each.places_at_leads(satellites, lead_s)
+            for each in (self.opening, self.middle, self.closing)
         )
         return opening, middle, closing
 
@@ -91,9 +92,9 @@ class Exposure:
 def streak_path(
     opening: FloatArray, middle: FloatArray, closing: FloatArray, parts: int
 ) -> FloatArray:
-    """Unit vectors (..., parts, 3) at even steps of time through an exposure.
+    """Return unit vectors (..., parts, 3) at equal time steps through an exposure.
 
-    On a parabola through those at its opening, middle and closing, (..., 3) each.
+    They lie on a parabola through those at opening, middle and closing, (..., 3) each.
     """
     at = np.linspace(-1.0, 1.0, parts)[:, None]
     before, now, after = (each[..., None, :] for each in (opening, middle, closing))

@@ -1,1 +1,1 @@
-"""First orbits: states through a few lines of sight, before anything is fitted."""
+"""First orbits: states through a few lines of sight, as starts of an orbit fit."""

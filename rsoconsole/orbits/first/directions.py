@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.orbits.first.gooding_iteration import GoodingOrbit, Lines, gooding
+from rsoconsole.orbits.first.gooding_iteration import GoodingOrbit, SightLines, gooding_orbits
 from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, propagate
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
@@ -41,8 +41,7 @@ class MeasuredDirections:
     ra_icrs_deg: FloatArray
     dec_icrs_deg: FloatArray
     whitening: FloatArray
-    """Whitening matrices (N, 2, 2): a residual (d alpha cos delta, d delta) in arcsec to unit
-    variances."""
+    """Whitening matrices (N, 2, 2) of residuals (d alpha cos delta, d delta) in arcsec."""
     sites_km: FloatArray
     """Positions (N, 3) of the sites, GCRS."""
     sites_km_s: FloatArray
@@ -75,9 +74,9 @@ class MeasuredDirections:
         return np.asarray(-off / depth[..., None] / ARCSEC_RAD)
 
     def residual_slopes(self, positions_km: FloatArray) -> FloatArray:
-        """Slopes (N, 2, 3) of the residuals by the positions (N, 3), arcsec/km.
+        """Return the derivatives (N, 2, 3) of the residuals by the positions (N, 3), arcsec/km.
 
-        They neglect the Earth's motion.
+        The Earth's motion is neglected.
         """
         u = positions_km - self.sites_km
         ahead = np.sum(u * self.towards, axis=-1)
@@ -88,8 +87,8 @@ class MeasuredDirections:
             slopes.append((off / depth * self.towards - axis) / depth)
         return np.stack(slopes, axis=-2) / ARCSEC_RAD
 
-    def of(self, chosen: npt.NDArray[Any]) -> "MeasuredDirections":
-        """The chosen directions (a mask or indices), with the same epoch."""
+    def subset(self, chosen: npt.NDArray[Any]) -> "MeasuredDirections":
+        """Return the directions selected by a mask or indices, with the same epoch."""
         arrays = {
             each.name: getattr(self, each.name)[chosen]
             for each in fields(self)
@@ -166,7 +165,7 @@ INWARD = (0.0, 0.1, 0.2)
 """Shares of the directions to leave out at either end: a wild one spoils the orbits through it."""
 
 
-def seeds(seen: MeasuredDirections, inward: float = 0.0) -> tuple[State, ...]:
+def starting_states(seen: MeasuredDirections, inward: float = 0.0) -> tuple[State, ...]:
     """Plausible starting states at the epoch: Gooding's orbits first, then circular orbits.
 
     ``inward``: the share of the directions that is left out at either end (`INWARD`).
@@ -174,17 +173,17 @@ def seeds(seen: MeasuredDirections, inward: float = 0.0) -> tuple[State, ...]:
     return (*_by_gooding(seen, inward), *_circles(seen, inward))
 
 
-def three_sight_lines(seen: MeasuredDirections, inward: float = 0.0) -> Lines:
+def three_sight_lines(seen: MeasuredDirections, inward: float = 0.0) -> SightLines:
     """Choose three lines of sight far apart in time.
 
-    ``inward``: the share of the directions that is left out at either end; it also moves the middle
-    line to a later one, so that each share gives another choice.
+    ``inward``: share of the directions left out at each end; a larger share also chooses a later
+    middle line.
     """
     first, last = _ends(seen, inward)
     span_s = seen.t_s[last] - seen.t_s[first]
     middle = int(np.argmin(np.abs(seen.t_s - seen.t_s[first] - (0.5 + inward / 2.0) * span_s)))
     chosen = [first, min(max(middle, first + 1), last - 1), last]
-    return Lines(
+    return SightLines(
         t_s=seen.t_s[chosen], sites_km=seen.sites_km[chosen], directions=seen.lines[chosen]
     )
 
@@ -195,7 +194,7 @@ def _ends(seen: MeasuredDirections, inward: float) -> tuple[int, int]:
     return left_out, len(seen) - 1 - left_out
 
 
-def state_at_line_epoch(orbit: GoodingOrbit, lines: Lines) -> State:
+def state_at_line_epoch(orbit: GoodingOrbit, lines: SightLines) -> State:
     """State of an orbit through three lines of sight, at time 0 of these lines.
 
     Allows for the light time of the middle line.
@@ -211,9 +210,9 @@ def _by_gooding(seen: MeasuredDirections, inward: float) -> Iterator[State]:
     lines = three_sight_lines(seen, inward)
     if len(np.unique(lines.t_s)) < 3:
         return
-    for orbit in gooding(lines):
+    for orbit in gooding_orbits(lines):
         r, v = state_at_line_epoch(orbit, lines)
-        if is_plausible(r, v):
+        if is_plausible_orbit(r, v):
             yield r, v
 
 
@@ -244,8 +243,8 @@ def _on_sphere(site: FloatArray, line: FloatArray, radii_km: FloatArray) -> Floa
     return np.asarray(site + reach[:, None] * line)
 
 
-def is_plausible(r: FloatArray, v: FloatArray) -> bool:
-    """True for a bound orbit that stays above the air all the way round."""
+def is_plausible_orbit(r: FloatArray, v: FloatArray) -> bool:
+    """Return True for a bound orbit with its perigee above the atmosphere."""
     radius = float(np.linalg.norm(r))
     energy = float(v @ v) / 2.0 - MU_EARTH_KM3_S2 / radius
     if energy >= 0.0:
@@ -258,10 +257,10 @@ def is_plausible(r: FloatArray, v: FloatArray) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LineOfSight:
-    """A moving line of sight, and the six unknowns of an orbit fit relative to it.
+    """A moving line of sight, relative to which an orbit is fitted with six unknowns.
 
-    Unknowns: two offsets of the direction, their rates, logarithm of the range, relative rate of
-    the range.
+    Unknowns: two offsets of the direction, their rates, the logarithm of the range, and the range
+    rate divided by the range.
     """
 
     site_km: FloatArray
@@ -287,7 +286,7 @@ class LineOfSight:
         )
 
     def unknowns(self, state: State) -> FloatArray:
-        """Unknowns (6,) of a state whose position is on the line itself."""
+        """Return the unknowns (6,) of a state whose position lies on the line."""
         u = state[0] - self.site_km
         distance = float(np.linalg.norm(u))
         rates = (state[1] - self.site_km_s) / distance

@@ -29,8 +29,7 @@ _SHARES = 0.5 ** np.arange(1, 8)
 _STANDS_STILL = 1e-13
 """Largest share of the range that counts as no step."""
 _HOPEFUL = (5.0, 0.6)
-"""Bound of a search's miss: after n steps the first times the second to the n; beyond it the search
-leads nowhere. Of those that arrive, one in a hundred is slower."""
+"""Bound of a search's miss after n steps, the first times the second to the n."""
 _ACCEPTED = 1e-10
 """Largest miss of an accepted orbit, as a share of the range."""
 _SAME = 1e-6
@@ -39,7 +38,7 @@ _STARTS_KM = tuple(float(x) for x in np.geomspace(6_600.0, 90_000.0, 9))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lines:
+class SightLines:
     """Three lines of sight at three instants, in order of time."""
 
     t_s: FloatArray
@@ -65,7 +64,7 @@ class GoodingOrbit:
 class _Searches:
     """N searches side by side, along Lambert's conics without a whole revolution."""
 
-    lines: Lines
+    lines: SightLines
     axes: FloatArray
     """Axes (3, 3), in columns: two across the middle line of sight, and that line."""
     mu: float
@@ -115,7 +114,7 @@ class _Searches:
         return self.of(np.tile(np.arange(len(self.is_retrograde)), copies))
 
 
-def gooding(lines: Lines, *, mu: float = MU_EARTH_KM3_S2) -> tuple[GoodingOrbit, ...]:
+def gooding_orbits(lines: SightLines, *, mu: float = MU_EARTH_KM3_S2) -> tuple[GoodingOrbit, ...]:
     """Find the orbits through the three lines; an empty tuple where there is none.
 
     Searches both directions of motion, with less than a revolution from the first line to the last,
@@ -135,7 +134,7 @@ def gooding(lines: Lines, *, mu: float = MU_EARTH_KM3_S2) -> tuple[GoodingOrbit,
         return _accepted(searches, ranges)
 
 
-def _ranges_at(lines: Lines, radius_km: float) -> list[float]:
+def _ranges_at(lines: SightLines, radius_km: float) -> list[float]:
     """Ranges along the two outer lines to a sphere about the Earth's centre."""
     ranges = []
     for n in (0, 2):

@@ -15,8 +15,7 @@ _MAX_STEPS = 16
 _ENOUGH = 1e-6
 """Largest step after which the iteration ends; its error is of the step's fourth power."""
 _SERIES_WITHIN = 0.1
-"""Distance from the parabola (x = 1) within which the time is summed as a series: no
-cancellation."""
+"""Distance from the parabola (x = 1) within which the time is summed as a series."""
 _SERIES_TERMS = 24
 
 
@@ -30,13 +29,13 @@ def lambert(
     revolutions: npt.ArrayLike = 0,
     is_left: npt.ArrayLike = False,
 ) -> tuple[FloatArray, FloatArray]:
-    """Velocities (..., 3) at two places of the conic that joins them in the time ``dt_s``.
+    """Return velocities (..., 3) at both ends of the conic arc flown in the time ``dt_s``.
 
-    ``r1_km``, ``r2_km``: the places (..., 3); all arguments broadcast. ``is_retrograde``: whether
-    the motion turns against the third axis, which decides the transfer angle. ``revolutions``:
-    number of whole revolutions on the way; from one on there are two conics, and ``is_left``
-    chooses the one with the longer period. NaN where there is no conic: too short a time for the
-    revolutions, or places on one line with the centre, which give no plane.
+    ``r1_km``, ``r2_km``: the ends (..., 3); all arguments broadcast. ``is_retrograde``: True for
+    motion against the third axis. ``revolutions``: whole revolutions on the way; with one or more
+    there are two conics, and ``is_left`` chooses the one with the longer period. NaN where there is
+    no conic: the time is too short for the revolutions, or both ends lie on one line with the
+    centre, which defines no plane.
     """
     r1, r2 = np.asarray(r1_km, float), np.asarray(r2_km, float)
     shape = np.broadcast_shapes(

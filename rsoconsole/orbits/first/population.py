@@ -1,7 +1,7 @@
-"""Prior densities of orbits: how likely one is before it is seen. Pure.
+"""Prior densities of orbits: how likely an orbit is before any measurement. Pure.
 
-Rough figures of the public catalogue of 2023, by regime; they enter as logarithms, and a factor of
-two in any of them moves a probability of 0.9 to 0.95.
+They are rough figures from the public catalogue of 2023, by regime. Only their logarithms are used,
+and a factor of two in any of them changes a probability of 0.9 to 0.95.
 """
 
 from dataclasses import dataclass
@@ -59,7 +59,7 @@ def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Populatio
     """Population to which an orbit belongs: by the prior of its fit, or by its size and shape."""
     if prior in POPULATIONS:
         return POPULATIONS[prior]
-    a, k, h, *_ = equinoctial(np.concatenate([r_km, v_km_s]))
+    a, k, h, *_ = equinoctial_elements(np.concatenate([r_km, v_km_s]))
     e = float(np.hypot(k, h))
     if _GEO_KM[0] < a < _GEO_KM[1] and e < 0.02:
         return POPULATIONS["geo"]
@@ -67,14 +67,14 @@ def population_of(r_km: FloatArray, v_km_s: FloatArray, prior: str) -> Populatio
 
 
 def log_prior_density(population: Population, state: FloatArray, covariance: FloatArray) -> float:
-    """Logarithm of a population's density at a state (6,), per km^3 and (km/s)^3.
+    """Return the logarithm of a population's density at a state (6,), per km^3 and (km/s)^3.
 
-    The fit itself applies the prior on the eccentricity: only its normalisation is in here. The
+    Of the prior on the eccentricity it has only the normalisation: the fit adds the rest. The
     density of the semi-major axis is averaged over the axis's uncertainty by ``covariance`` (6, 6),
     which may exceed the width of the population.
     """
     slopes = _slopes(state)
-    a, _, _, q, p, _ = equinoctial(state)
+    a, _, _, q, p, _ = equinoctial_elements(state)
     sigma_a_2 = float(slopes[0] @ covariance @ slopes[0])
     log_a = np.log(
         sum(
@@ -99,11 +99,12 @@ def log_prior_density(population: Population, state: FloatArray, covariance: Flo
     return float(log_a + log_tilt + log_e - np.log(population.visible_rad) + log_scale)
 
 
-def equinoctial(state: FloatArray) -> FloatArray:
-    """Elements (..., 6) of states (..., 6), regular for circular orbits in the equator.
+def equinoctial_elements(state: FloatArray) -> FloatArray:
+    """Return equinoctial elements (..., 6) of states (..., 6).
 
-    a in km; e times cosine and sine of the perigee's longitude; tan i/2 times cosine and sine of
-    the node's; mean longitude in rad. Source: Broucke & Cefola 1972, Celestial Mechanics 5, 303.
+    Regular for circular and equatorial orbits: a in km; e times cosine and sine of the perigee's
+    longitude; tan i/2 times cosine and sine of the node's; mean longitude in rad. Source: Broucke &
+    Cefola 1972, Celestial Mechanics 5, 303.
     """
     r, v = state[..., :3], state[..., 3:]
     mu = MU_EARTH_KM3_S2
@@ -128,7 +129,7 @@ def equinoctial(state: FloatArray) -> FloatArray:
 
 def _slopes(state: FloatArray) -> FloatArray:
     """Slopes (6, 6) of the elements by the state."""
-    around = equinoctial(state + np.concatenate([np.diag(_STEP), -np.diag(_STEP)]))
+    around = equinoctial_elements(state + np.concatenate([np.diag(_STEP), -np.diag(_STEP)]))
     change = around[:6] - around[6:]
     change[:, 5] = np.radians([wrap_180(float(np.degrees(each))) for each in change[:, 5]])
     return np.asarray(change.T / (2.0 * _STEP))
@@ -142,17 +143,17 @@ _ROUND, _ECCENTRIC_WEIGHT = 0.2, 0.2
 _EARTH_RAD_S = 7.292115e-5
 
 
-def orbit_path_bend(
+def expected_sky_acceleration(
     site: Site,
     t_utc_ns: int,
     direction_icrs_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return mean (2,) and covariance (2, 2) of acceleration and curvature on the sky.
+    """Return mean (2,) and covariance (2, 2) of an object's acceleration and curvature.
 
-    They are over the orbits that an object seen in this direction at this rate may have; None:
-    there is no such orbit. Acceleration along the path in arcsec/s^2, turn to the left in rad
-    per rad of path. ``rate_arcsec_s``: east and north.
+    They are over the orbits possible for an object in this direction at this rate; None if there is
+    none. Acceleration along the path in arcsec/s^2; curvature to the left in rad per rad of path.
+    ``rate_arcsec_s``: east and north.
     """
     ra = np.radians(direction_icrs_deg[0])
     towards = direction_to_unit(*direction_icrs_deg)

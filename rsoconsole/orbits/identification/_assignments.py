@@ -1,4 +1,4 @@
-"""Assignment of rows to columns, all together: the most probable assignments, best first. Pure."""
+"""Joint assignment of rows to columns: the most probable assignments, best first. Pure."""
 
 import heapq
 import itertools
@@ -13,8 +13,7 @@ from rsoconsole.records import FloatArray
 Assignment = tuple[int, ...]
 """Column that each row takes; the last column of all means none."""
 _MAX_STEPS = 4000
-"""Largest number of steps of the search, after which the assignments found so far are the
-answer."""
+"""Largest number of search steps, after which the assignments found are the answer."""
 _NO_CHOICE = -1e9
 
 
@@ -95,7 +94,8 @@ def _solved(whole: FloatArray) -> tuple[float, tuple[int, ...]] | None:
 
 def _searched(scores: FloatArray, rivals: npt.NDArray[np.bool_], most: int) -> list[Assignment]:
     """Best assignments first (A*): what is left can be no better than the best of each row by
-    itself."""
+    itself.
+    """
     count, none = len(scores), scores.shape[1] - 1
     choices: Sequence[list[tuple[float, int]]] = [
         sorted(((float(s), n) for n, s in enumerate(row) if np.isfinite(s)), reverse=True)

@@ -26,17 +26,17 @@ _SLOWEST_RAD_S = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CatalogueResiduals:
-    """Offsets of N directions from M objects, at the middle of the directions; arcsec, arcsec/s.
+    """Offsets of directions from the places of M objects, at the middle of the directions.
 
-    D is 4 (along, across, and their rates), or 2 where all directions are of one instant.
+    D is 4 (along, across, and their rates; arcsec, arcsec/s), or 2 where all directions are of one
+    instant.
     """
 
     entries: tuple[CatalogueEntry, ...]
     offsets: FloatArray
     """Offsets (M, D), measured minus predicted."""
     covariance: FloatArray
-    """Covariance (M, D, D) of the measurement, widened where even the best object leaves more
-    scatter."""
+    """Measurement covariance (M, D, D), widened where even the best object leaves more scatter."""
     by_errors: FloatArray
     """Slopes (M, D, 6) by the errors of the elements, as ``element_errors`` counts them."""
     rate_arcsec_s: FloatArray
@@ -60,13 +60,13 @@ class _ExpectedPlaces:
     v_km_s: FloatArray
 
 
-def compare(
+def compute_catalogue_residuals(
     seen: MeasuredDirections,
     site: Site,
     entries: Sequence[CatalogueEntry],
     errors: ElementErrors = ASSUMED,
 ) -> CatalogueResiduals:
-    """Compare directions with all entries; entries for which SGP4 fails are left out."""
+    """Compute the offsets of directions from all entries for which SGP4 succeeds."""
     beside_ns = round(_BESIDE_S * NS_PER_S)
     about = seen.epoch_utc_ns + np.array([-beside_ns, 0, beside_ns])
     expected = _expected(entries, site, np.concatenate([seen.t_utc_ns, about]))

@@ -1,9 +1,8 @@
-"""Likelihood of tracks being catalogued objects whose elements have errors in common. Pure.
+"""Likelihood of tracks being objects whose elements have errors in common. Pure.
 
-Satellites of one slot have elements of one epoch by one network, and one operator keeps them there:
-much of their elements' errors is common to all, and leaves their relative places correct. How much
-is common is not published. So three cases are weighed, and the offsets themselves decide between
-them:
+Satellites of one slot are kept there by one operator, and have elements of one epoch from one
+network: much of the error of their elements is common to all and leaves relative places correct.
+How much is common is not published, so three cases are weighted by how well they fit the offsets:
 
 - no error is common;
 - most of the errors of undisturbed elements are common;
@@ -23,7 +22,7 @@ from rsoconsole.orbits.identification._catalogue_residuals import CatalogueResid
 from rsoconsole.orbits.identification.element_errors import (
     covariance_rtn,
     manoeuvred_probability,
-    regime_of,
+    orbit_regime,
 )
 from rsoconsole.records import FloatArray
 from rsoconsole.words import NS_PER_DAY
@@ -33,7 +32,7 @@ _LEAST = 1e-300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class ErrorCase:
     """One assumption of how much of the elements' errors is common to all objects.
 
     All but the probability are factors on the variances of ``element_errors``.
@@ -47,14 +46,14 @@ class Case:
 
 
 CASES = (
-    Case(probability=0.5),
-    Case(probability=0.25, shared_undisturbed=0.75, own_undisturbed=0.25),
-    Case(probability=0.25, shared_moved=1.0, own_undisturbed=0.25, own_moved=0.5),
+    ErrorCase(probability=0.5),
+    ErrorCase(probability=0.25, shared_undisturbed=0.75, own_undisturbed=0.25),
+    ErrorCase(probability=0.25, shared_moved=1.0, own_undisturbed=0.25, own_moved=0.5),
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pair:
+class ObjectPair:
     """One track compared with one catalogued object; D as in ``CatalogueResiduals``."""
 
     offset: FloatArray
@@ -69,14 +68,17 @@ class Pair:
     moved_probability: float
 
 
-def pair_of(found: CatalogueResiduals, n: int, t_utc_ns: int) -> Pair:
-    """Make the pair of a track, at an instant, and the nth object of its comparison."""
+def make_pair(found: CatalogueResiduals, n: int, t_utc_ns: int) -> ObjectPair:
+    """Return the pair of a track and the ``n``-th object in its comparison with the catalogue.
+
+    ``t_utc_ns``: instant of the track, which gives the age of the elements.
+    """
     entry = found.entries[n]
-    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    regime = orbit_regime(entry.revolutions_a_day, entry.eccentricity)
     age_days = (t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
     motion = float(found.mean_motion_rad_s[n])
-    kept, moved = (found.errors.of(regime, is_moved=each) for each in (False, True))
-    return Pair(
+    kept, moved = (found.errors.spread_for(regime, is_moved=each) for each in (False, True))
+    return ObjectPair(
         offset=found.offsets[n],
         measured=found.covariance[n],
         slopes=found.by_errors[n],
@@ -86,7 +88,7 @@ def pair_of(found: CatalogueResiduals, n: int, t_utc_ns: int) -> Pair:
     )
 
 
-class SharedErrors:
+class SharedErrorModel:
     """Densities of the pairs of T tracks and N objects under one assumption of common errors.
 
     ``pairs[t][n]``: None where the track cannot be the object. ``unknown`` (T,): logarithm of the
@@ -94,7 +96,7 @@ class SharedErrors:
     """
 
     def __init__(
-        self, case: Case, pairs: Sequence[Sequence[Pair | None]], unknown: FloatArray
+        self, case: ErrorCase, pairs: Sequence[Sequence[ObjectPair | None]], unknown: FloatArray
     ) -> None:
         self._unknown = unknown
         self._log_probability = float(np.log(case.probability))
@@ -113,7 +115,7 @@ class SharedErrors:
                 if pair is not None:
                     self._put(t, n, pair, case, root)
 
-    def _put(self, t: int, n: int, pair: Pair, case: Case, root: FloatArray) -> None:
+    def _put(self, t: int, n: int, pair: ObjectPair, case: ErrorCase, root: FloatArray) -> None:
         share = pair.moved_probability
         parts = (
             (np.log1p(-share), case.own_undisturbed * pair.undisturbed),
@@ -128,8 +130,8 @@ class SharedErrors:
             self._pull[t, n, k] = slopes.T @ inverse @ pair.offset
             self._stiffness[t, n, k] = slopes.T @ inverse @ slopes
 
-    def scores(self, common: FloatArray) -> FloatArray:
-        """Logarithms (T, N + 1) of the pairs' densities, given the common error (6,), in sigmas.
+    def log_densities(self, common: FloatArray) -> FloatArray:
+        """Return the log densities (T, N + 1) of the pairs, given a common error (6,) in sigmas.
 
         The last column is for objects that no catalogue knows.
         """
@@ -137,10 +139,11 @@ class SharedErrors:
         parts = parts - np.einsum("...ij,i,j->...", self._stiffness, common, common) / 2.0
         return np.asarray(np.logaddexp(parts[..., 0], parts[..., 1]))
 
-    def proposals(self, tracks: Sequence[int]) -> list[FloatArray]:
-        """Common errors (6,) worth trying as starts.
+    def trial_common_errors(self, tracks: Sequence[int]) -> list[FloatArray]:
+        """Return common errors (6,), in sigmas, from which to start a search.
 
-        Zero, and those that single pairs of these tracks suggest.
+        They are zero and, where errors are common, the most probable errors of single pairs of
+        these tracks.
         """
         found = [np.zeros(6)]
         if not self._is_shared:
@@ -151,9 +154,9 @@ class SharedErrors:
         return found
 
     def log_evidence(self, assignments: Sequence[Assignment]) -> tuple[FloatArray, FloatArray]:
-        """Log evidence (K,) of each assignment, and its most probable common error (K, 6).
+        """Return the log evidence (K,) of assignments and their best common errors (K, 6).
 
-        The common error is integrated out about that value.
+        The evidence is integrated over the common error, about that value.
         """
         chosen = np.array(assignments)
         rows = np.arange(chosen.shape[1])
@@ -173,7 +176,7 @@ class SharedErrors:
         return heights[best, at] + self._log_probability, places[best, at]
 
 
-def _root(case: Case, known: Sequence[Pair]) -> FloatArray:
+def _root(case: ErrorCase, known: Sequence[ObjectPair]) -> FloatArray:
     """Root (6, 6) of the common error's covariance: by the middlemost of the objects."""
     if not known or case.shared_undisturbed + case.shared_moved == 0.0:
         return np.zeros((6, 6))

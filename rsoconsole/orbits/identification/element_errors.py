@@ -38,8 +38,8 @@ _Terms = tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
-    """One-sigma errors of elements in km: at the epoch, by the day and by the day squared.
+class ErrorSpread:
+    """One-sigma errors of elements: terms in km, km a day and km a day squared.
 
     The three terms add up as squares.
     """
@@ -48,21 +48,20 @@ class Spread:
     across: _Terms
     """Across the track: amplitude of the swing out of the plane, once a revolution, over root 2."""
     shape: _Terms
-    """Amplitude of the swing of the radius, by an error of the eccentricity; along the track it is
-    twice that."""
+    """Amplitude of the radius's swing by an error of the eccentricity; along the track twice it."""
 
 
-UNDISTURBED: dict[Regime, Spread] = {
-    "GEO": Spread(along=(2.5, 1.5, 0.0), across=(1.0, 0.15, 0.0), shape=(0.8, 0.1, 0.0)),
-    "MEO": Spread(along=(1.0, 0.5, 0.0), across=(0.5, 0.1, 0.0), shape=(0.4, 0.05, 0.0)),
-    "LEO": Spread(along=(1.0, 1.5, 0.3), across=(0.3, 0.1, 0.0), shape=(0.3, 0.1, 0.0)),
-    "HEO": Spread(along=(5.0, 5.0, 0.0), across=(3.0, 0.5, 0.0), shape=(3.0, 0.5, 0.0)),
+UNDISTURBED: dict[Regime, ErrorSpread] = {
+    "GEO": ErrorSpread(along=(2.5, 1.5, 0.0), across=(1.0, 0.15, 0.0), shape=(0.8, 0.1, 0.0)),
+    "MEO": ErrorSpread(along=(1.0, 0.5, 0.0), across=(0.5, 0.1, 0.0), shape=(0.4, 0.05, 0.0)),
+    "LEO": ErrorSpread(along=(1.0, 1.5, 0.3), across=(0.3, 0.1, 0.0), shape=(0.3, 0.1, 0.0)),
+    "HEO": ErrorSpread(along=(5.0, 5.0, 0.0), across=(3.0, 0.5, 0.0), shape=(3.0, 0.5, 0.0)),
 }
-MANOEUVRED: dict[Regime, Spread] = {
-    "GEO": Spread(along=(5.0, 5.0, 0.65), across=(8.0, 1.05, 0.0), shape=(1.0, 0.14, 0.0)),
-    "MEO": Spread(along=(10.0, 10.0, 1.0), across=(3.0, 0.5, 0.0), shape=(3.0, 0.5, 0.0)),
-    "LEO": Spread(along=(5.0, 15.0, 5.0), across=(1.0, 0.5, 0.0), shape=(1.0, 1.0, 0.0)),
-    "HEO": Spread(along=(20.0, 20.0, 2.0), across=(5.0, 1.0, 0.0), shape=(5.0, 1.0, 0.0)),
+MANOEUVRED: dict[Regime, ErrorSpread] = {
+    "GEO": ErrorSpread(along=(5.0, 5.0, 0.65), across=(8.0, 1.05, 0.0), shape=(1.0, 0.14, 0.0)),
+    "MEO": ErrorSpread(along=(10.0, 10.0, 1.0), across=(3.0, 0.5, 0.0), shape=(3.0, 0.5, 0.0)),
+    "LEO": ErrorSpread(along=(5.0, 15.0, 5.0), across=(1.0, 0.5, 0.0), shape=(1.0, 1.0, 0.0)),
+    "HEO": ErrorSpread(along=(20.0, 20.0, 2.0), across=(5.0, 1.0, 0.0), shape=(5.0, 1.0, 0.0)),
 }
 
 
@@ -80,18 +79,18 @@ class ErrorFactors:
 class ElementErrors:
     """Errors of elements by kind of orbit, assumed or measured."""
 
-    undisturbed: Mapping[Regime, Spread]
-    manoeuvred: Mapping[Regime, Spread]
+    undisturbed: Mapping[Regime, ErrorSpread]
+    manoeuvred: Mapping[Regime, ErrorSpread]
 
-    def of(self, regime: Regime, *, is_moved: bool) -> Spread:
+    def spread_for(self, regime: Regime, *, is_moved: bool) -> ErrorSpread:
         """Spread of one kind of orbit: of manoeuvred objects, or of undisturbed ones."""
         return (self.manoeuvred if is_moved else self.undisturbed)[regime]
 
     def scaled(self, factors: Mapping[Regime, ErrorFactors]) -> "ElementErrors":
-        """Errors with the spreads of undisturbed objects scaled by factors for some kinds of orbit.
+        """Return the errors with the spreads of undisturbed objects multiplied by factors.
 
-        Spreads of manoeuvred objects stay, unless an undisturbed object's has become wider: then
-        they are raised to it, as a manoeuvre removes no error.
+        ``factors``: by kind of orbit; other kinds are unchanged. A spread of manoeuvred objects is
+        raised to that of undisturbed ones where it would be smaller.
         """
         if not factors:
             return self
@@ -99,26 +98,27 @@ class ElementErrors:
         for regime, each in factors.items():
             ahead = (each.along_at_epoch, each.along_by_age, each.along_by_age)
             # The shape goes with the place along the track: twice its swing is seen there.
-            factors_of = Spread(along=ahead, across=(each.across,) * 3, shape=ahead)
+            factors_of = ErrorSpread(along=ahead, across=(each.across,) * 3, shape=ahead)
             undisturbed[regime] = _by_terms(operator.mul, undisturbed[regime], factors_of)
             manoeuvred[regime] = _by_terms(max, undisturbed[regime], manoeuvred[regime])
         return ElementErrors(undisturbed=undisturbed, manoeuvred=manoeuvred)
 
 
-def _by_terms(of: Callable[[float, float], float], a: Spread, b: Spread) -> Spread:
+def _by_terms(of: Callable[[float, float], float], a: ErrorSpread, b: ErrorSpread) -> ErrorSpread:
     """Combine two spreads term by term."""
     along, across = map(of, a.along, b.along), map(of, a.across, b.across)
-    return Spread(along=tuple(along), across=tuple(across), shape=tuple(map(of, a.shape, b.shape)))
+    return ErrorSpread(
+        along=tuple(along), across=tuple(across), shape=tuple(map(of, a.shape, b.shape))
+    )
 
 
 ASSUMED = ElementErrors(undisturbed=UNDISTURBED, manoeuvred=MANOEUVRED)
-"""Errors assumed before any measurement."""
 _CONTROLLED: dict[Regime, float] = {"GEO": 0.35, "MEO": 0.1, "LEO": 0.3, "HEO": 0.03}
 """Share of the catalogued objects that are under control."""
 _BETWEEN_MANOEUVRES_DAYS: dict[Regime, float] = {"GEO": 5.0, "MEO": 180.0, "LEO": 14.0, "HEO": 60.0}
 
 
-def regime_of(revolutions_a_day: float, eccentricity: float) -> Regime:
+def orbit_regime(revolutions_a_day: float, eccentricity: float) -> Regime:
     """Kind of orbit of one element set."""
     number = regime_numbers(np.array(revolutions_a_day), np.array(eccentricity))
     return ERROR_REGIMES[int(number)]
@@ -143,15 +143,16 @@ def manoeuvred_probabilities(regime: Regime, age_days: FloatArray) -> FloatArray
     return np.asarray(_CONTROLLED[regime] * (1.0 - np.exp(-np.abs(age_days) / interval)))
 
 
-def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) -> FloatArray:
-    """Covariance (6, 6) of errors radial, along and across the orbit, and of their rates.
+def covariance_rtn(spread: ErrorSpread, age_days: float, mean_motion_rad_s: float) -> FloatArray:
+    """Return the covariance (6, 6) of radial, along- and cross-track errors and their rates.
 
-    In km and km/s, in the frame that turns with the orbit. An orbit a little off swings about its
-    elements once a revolution: R = A cos(nt), T = -2A sin(nt), N = B cos(nt), at any phase, beside
-    its lead or lag (Clohessy & Wiltshire 1960).
+    In km and km/s, in the frame that turns with the orbit. A small error of the orbit's shape or
+    plane oscillates once a revolution about the predicted place, at any phase: R = A cos(nt),
+    T = -2A sin(nt), N = B cos(nt). The lead or lag is added (Clohessy & Wiltshire 1960).
     """
     along, across, shape = (
-        float(sigma_at_age(each, age_days)) for each in (spread.along, spread.across, spread.shape)
+        float(sigma_at_age_km(each, age_days))
+        for each in (spread.along, spread.across, spread.shape)
     )
     n = mean_motion_rad_s
     covariance = np.diag(
@@ -169,16 +170,19 @@ def covariance_rtn(spread: Spread, age_days: float, mean_motion_rad_s: float) ->
 
 
 def position_sigmas_km(
-    spread: Spread, age_days: float | FloatArray
+    spread: ErrorSpread, age_days: float | FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """One-sigma errors at ages (...): radial, along (with the swing of the shape), and across."""
+    """Return the one-sigma errors at ages (...), radial, along-track and cross-track, km.
+
+    The along-track error includes that by the eccentricity, twice the radial one.
+    """
     along, across, shape = (
-        sigma_at_age(each, age_days) for each in (spread.along, spread.across, spread.shape)
+        sigma_at_age_km(each, age_days) for each in (spread.along, spread.across, spread.shape)
     )
     return shape, np.sqrt(along**2 + 4.0 * shape**2), across
 
 
-def sigma_at_age(terms: _Terms, age_days: float | FloatArray) -> FloatArray:
+def sigma_at_age_km(terms: _Terms, age_days: float | FloatArray) -> FloatArray:
     at_epoch, by_day, by_day_2 = terms
     age = np.abs(age_days)
     return np.asarray(np.sqrt(at_epoch**2 + (by_day * age) ** 2 + (by_day_2 * age * age) ** 2))

@@ -1,10 +1,10 @@
 """Factors of the assumed errors of elements, fitted to one's own nights. Pure.
 
 Each kind of orbit has three factors (``ErrorFactors``), found by maximum a posteriori. A row is of
-an undisturbed object, of a manoeuvred one, or of neither (a wrong name, a storm), for which there
-is a wide tail. The widths for manoeuvred objects and for the tail are assumed: an object that was
-moved far is not surely identified, so that rows cannot determine them. For the same reason fewer of
-the rows than of all objects of that age are of moved ones; that share is fitted with the factors.
+an undisturbed object, of a manoeuvred one, or of neither (a wrong identification, a storm), for
+which there is a wide tail. The widths for manoeuvred objects and for the tail are assumed, because
+an object that was moved far is seldom identified with certainty. For the same reason the share of
+manoeuvred objects is lower among the rows than among all objects; it is fitted with the factors.
 The prior of a factor is 1, within a factor of 2 (log-normal).
 """
 
@@ -17,22 +17,20 @@ import numpy as np
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ErrorFactors,
+    ErrorSpread,
     Regime,
-    Spread,
     manoeuvred_probabilities,
     position_sigmas_km,
 )
-from rsoconsole.orbits.identification.element_rows import ElementRow, groups_of
+from rsoconsole.orbits.identification.element_rows import ElementErrorRow, rows_by_shared_error
 from rsoconsole.records import FloatArray
 
 PRIOR_SIGMA = 0.7
 """Prior sigma of the logarithm of a factor."""
 _ALIKE = 0.3
-"""Correlation of the errors of one object in different nights, by different elements: some
-objects are steered often, some low ones meet more air. Assumed."""
+"""Correlation of one object's errors in different nights, by different elements; assumed."""
 _MOVED_LOG, _MOVED_LOG_SIGMA = math.log(0.5), 1.0
-"""Mean and sigma of the logarithm of a ratio: the share of moved objects among surely named rows,
-over that among all objects."""
+"""Mean and sigma of ln(share of moved objects in surely named rows / share in all objects)."""
 _LEAST = 1e-300
 _TAIL = 0.03
 _TAIL_TIMES = 2.0
@@ -40,8 +38,7 @@ _TAIL_TIMES = 2.0
 _MOST = math.log(50.0)
 _STARTS = (0.0, 0.8, -0.8)
 _STEP = 0.25
-"""Step for the curvature: far enough to see that errors which are small against others could be
-smaller still."""
+"""Step in the logarithms for the finite differences of the curvature."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +48,6 @@ class FittedFactors:
     regime: Regime
     factors: ErrorFactors
     sigmas: ErrorFactors
-    """One sigma of each factor."""
     rows: int
     objects: int
     counted: float
@@ -60,7 +56,7 @@ class FittedFactors:
     t_last_utc_ns: int
 
 
-def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
+def fit_factors(rows: Sequence[ElementErrorRow]) -> tuple[FittedFactors, ...]:
     """Fit the factors of each kind of orbit that occurs in the rows."""
     regimes = dict.fromkeys(each.regime for each in rows)
     return tuple(
@@ -69,14 +65,14 @@ def fit_factors(rows: Sequence[ElementRow]) -> tuple[FittedFactors, ...]:
     )
 
 
-def weights_of(rows: Sequence[ElementRow]) -> FloatArray:
+def row_weights(rows: Sequence[ElementErrorRow]) -> FloatArray:
     """Weights (N,) of the rows, lower for rows that share an error.
 
     Rows of one object in one night, or by the same elements, form a group, which counts as one row;
     G groups of one object count as G / (1 + 0.3 (G - 1)), at most 3.3.
     """
     weights = np.zeros(len(rows))
-    groups = groups_of(rows)
+    groups = rows_by_shared_error(rows)
     of_object: dict[int, int] = {}
     for group in groups:
         norad_id = rows[group[0]].norad_id
@@ -87,7 +83,7 @@ def weights_of(rows: Sequence[ElementRow]) -> FloatArray:
     return weights
 
 
-def _fitted(regime: Regime, rows: Sequence[ElementRow]) -> FittedFactors:
+def _fitted(regime: Regime, rows: Sequence[ElementErrorRow]) -> FittedFactors:
     from scipy.optimize import minimize
 
     posterior = _Posterior(regime, rows)
@@ -125,22 +121,23 @@ def _factors(values: FloatArray) -> ErrorFactors:
 @dataclass(eq=False)
 class _Posterior:
     """Posterior: minus its logarithm, by the logarithms of the factors and of the share of the
-    moved."""
+    moved.
+    """
 
     regime: Regime
-    rows: Sequence[ElementRow]
+    rows: Sequence[ElementErrorRow]
     weights: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         rows = self.rows
-        self.weights = weights_of(rows)
+        self.weights = row_weights(rows)
         self._age = np.array([abs(each.age_days) for each in rows])
         self._off = np.array([[each.along_km, each.across_km] for each in rows])
         self._by = np.array([[each.along_by, each.across_by] for each in rows])
         measured = np.array([[each.sigma_along_km, each.sigma_across_km] for each in rows])
         self._measured = measured[:, :, None] ** 2 * np.eye(2)
         self._moved = manoeuvred_probabilities(self.regime, self._age)
-        assumed = self._covariance(ASSUMED.of(self.regime, is_moved=True))
+        assumed = self._covariance(ASSUMED.spread_for(self.regime, is_moved=True))
         squared, log_size = self._distance(_TAIL_TIMES**2 * assumed)
         # Student's distribution of two degrees of freedom, in two dimensions.
         self._log_tail = np.log(_TAIL) - log_size - 2.0 * np.log1p(squared / 2.0)
@@ -150,7 +147,7 @@ class _Posterior:
         moved = self._moved * np.exp(logs[3])
         parts = [self._log_tail]
         for case, share in enumerate((1.0 - moved, moved)):
-            spread = errors.of(self.regime, is_moved=case == 1)
+            spread = errors.spread_for(self.regime, is_moved=case == 1)
             squared, log_size = self._distance(self._covariance(spread))
             log_share = np.log(np.maximum(share, _LEAST)) + np.log1p(-_TAIL)
             parts.append(log_share - log_size - squared / 2.0)
@@ -173,7 +170,7 @@ class _Posterior:
                 found[a, b] = found[b, a] = sum(corners) / (4.0 * _STEP**2)
         return found
 
-    def _covariance(self, spread: Spread) -> FloatArray:
+    def _covariance(self, spread: ErrorSpread) -> FloatArray:
         """Covariances (N, 2, 2) of along and across: elements and measurement."""
         sigmas = np.stack(position_sigmas_km(spread, self._age), axis=-1)
         return np.asarray(

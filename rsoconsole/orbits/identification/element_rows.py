@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.orbits.elements.catalogue import states_gcrs
-from rsoconsole.orbits.identification.element_errors import Regime, regime_of
+from rsoconsole.orbits.identification.element_errors import Regime, orbit_regime
 from rsoconsole.orbits.identification.single import CatalogueComparison, Identification
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
@@ -17,16 +17,14 @@ SURE_NAMED = 0.95
 _NIGHT_NS = 8 * 3600 * NS_PER_S
 """Pause of one object after which another night begins."""
 _MIN_SEEN = 0.1
-"""Least share of the orbital motion across the line of sight; below it the place along the orbit is
-hardly measured."""
+"""Least share of the orbital motion that is across the line of sight for a measured place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ElementRow:
+class ElementErrorRow:
     """One track of one night compared with the elements of its object."""
 
     session: str
-    """Name of the session, or of the frame."""
     track: str
     norad_id: int
     name: str
@@ -55,7 +53,6 @@ class ElementRow:
     """Change of ``across_km`` by a kilometre of error in the orbit: radial, along, across."""
     observations: int
     probability: float
-    """Probability of the identification."""
 
     @property
     def key(self) -> tuple[str, str]:
@@ -63,12 +60,12 @@ class ElementRow:
         return (self.session, self.track)
 
 
-def row_of(
+def element_error_row(
     session: str, track: str, compared: CatalogueComparison, found: Identification
-) -> ElementRow | None:
-    """Row of one track; None where the object is not surely identified.
+) -> ElementErrorRow | None:
+    """Return the row of one track; None where the object is not identified with certainty.
 
-    None too where it moves along the line of sight.
+    Also None where the object moves nearly along the line of sight.
     """
     if found.verdict != "identified" or found.matches[0].probability < SURE_NAMED:
         return None
@@ -84,7 +81,7 @@ def row_of(
     _, (v,) = states_gcrs((entry,), np.array([found.t_utc_ns], np.int64))
     speed_km_s = float(np.linalg.norm(v))
     along_km, sigma_along_km = match.along_track_arcsec * per_arcsec, sigma_along * per_arcsec
-    return ElementRow(
+    return ElementErrorRow(
         session=session,
         track=track,
         norad_id=match.norad_id,
@@ -92,7 +89,7 @@ def row_of(
         t_utc_ns=found.t_utc_ns,
         tle_epoch_utc_ns=match.tle_epoch_utc_ns,
         age_days=match.tle_age_days,
-        regime=regime_of(entry.revolutions_a_day, entry.eccentricity),
+        regime=orbit_regime(entry.revolutions_a_day, entry.eccentricity),
         along_s=along_km / speed_km_s,
         sigma_along_s=sigma_along_km / speed_km_s,
         along_km=along_km,
@@ -112,7 +109,7 @@ def _three(values: FloatArray) -> tuple[float, float, float]:
     return (float(values[0]), float(values[1]), float(values[2]))
 
 
-def groups_of(rows: Sequence[ElementRow]) -> list[list[int]]:
+def rows_by_shared_error(rows: Sequence[ElementErrorRow]) -> list[list[int]]:
     """Groups of rows that share an error, as indices into ``rows``.
 
     A group is of one object, in one night or by one element set.
@@ -120,7 +117,7 @@ def groups_of(rows: Sequence[ElementRow]) -> list[list[int]]:
     order = sorted(range(len(rows)), key=lambda n: (rows[n].norad_id, rows[n].t_utc_ns))
     groups: list[list[int]] = []
     by_elements: dict[tuple[int, int], list[int]] = {}
-    last: ElementRow | None = None
+    last: ElementErrorRow | None = None
     of_last: list[int] = []
     for n in order:
         row = rows[n]

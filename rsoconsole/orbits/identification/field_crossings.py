@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from sgp4.api import SatrecArray
 
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_in_epoch_of_each
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_epoch_entries
 from rsoconsole.orbits.elements.sky_paths import Exposure, ObjectPlaces, streak_path
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
@@ -57,7 +57,7 @@ class ElementSpread:
     gate_along_km: FloatArray
     """Largest errors (M,) along the path that are searched."""
 
-    def of(self, chosen: npt.NDArray[np.intp]) -> "ElementSpread":
+    def subset(self, chosen: npt.NDArray[np.intp]) -> "ElementSpread":
         """Errors of the chosen element sets."""
         return ElementSpread(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
@@ -80,7 +80,7 @@ def element_spread(
             [known * (1.0 - moved), known * moved, np.full(len(here), _STRANGE_SHARE)], axis=-1
         )
         for case in range(2):
-            sigmas = position_sigmas_km(errors.of(regime, is_moved=case == 1), age)
+            sigmas = position_sigmas_km(errors.spread_for(regime, is_moved=case == 1), age)
             radial[here, case], along[here, case], across[here, case] = sigmas
         for each in (radial, along, across):
             each[here, 2] = _STRANGE_TIMES * each[here, 1]
@@ -137,9 +137,7 @@ class Candidate:
 
     entry: CatalogueEntry
     satellite: SatrecArray
-    """SGP4 record of this object alone."""
     spread: ElementSpread
-    """Errors of this object's elements alone."""
     age_days: float
     """Age of its elements; below 0 where their epoch is after the exposure."""
     gate_s: float
@@ -173,19 +171,19 @@ class FieldCatalogue:
         self._too_old = 0
 
     @property
-    def compared(self) -> int:
+    def compared_count(self) -> int:
         """Number of objects compared with the last frame."""
         return len(self._sets)
 
     @property
-    def too_old(self) -> int:
+    def too_old_count(self) -> int:
         """Number of objects left out for the last frame because their elements were too old."""
         return self._too_old
 
     def _choose(self, t_utc_ns: int) -> None:
         if self._at_utc_ns is not None and abs(t_utc_ns - self._at_utc_ns) < _SAME_SETS_NS:
             return
-        nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
+        nearest = nearest_epoch_entries(self._entries, t_utc_ns)
         most_ns = OLDEST_DAYS * NS_PER_DAY
         self._sets = tuple(e for e in nearest if abs(t_utc_ns - e.epoch_utc_ns) <= most_ns)
         self._too_old = len(nearest) - len(self._sets)
@@ -218,7 +216,7 @@ class FieldCatalogue:
 
         By a ball about the place where each object is now.
         """
-        seen = exposure.middle.seen(self._satellites, np.zeros(1))
+        seen = exposure.middle.places_at_leads(self._satellites, np.zeros(1))
         speed = np.linalg.norm(seen.v_km_s[:, 0], axis=-1)
         is_there = np.isfinite(speed)
         age_days = (view.t_mid_utc_ns - self._epoch_ns) / NS_PER_DAY
@@ -232,7 +230,7 @@ class FieldCatalogue:
             is_near = off <= size + view.radius_rad
         is_near |= ball_km >= seen.range_km[:, 0]
         near = np.flatnonzero(is_near & is_there)
-        return near, spread.of(near)
+        return near, spread.subset(near)
 
     def _windows(
         self, view: FieldOfView, exposure: Exposure, near: IndexArray, spread: ElementSpread
@@ -241,7 +239,7 @@ class FieldCatalogue:
         if not len(near):
             return []
         satellites = SatrecArray([self._sets[n].record for n in near])
-        now = exposure.middle.seen(satellites, np.zeros(1))
+        now = exposure.middle.places_at_leads(satellites, np.zeros(1))
         gate_s = spread.gate_along_km / np.linalg.norm(now.v_km_s[:, 0], axis=-1)
         found = []
         low = 0.0
@@ -254,7 +252,7 @@ class FieldCatalogue:
             steps = max(3, int(np.ceil(most_s / _STEP_S)))
             leads = np.linspace(-most_s, most_s, 2 * steps + 1)
             chosen = SatrecArray([self._sets[near[n]].record for n in rows])
-            seen = exposure.middle.seen(chosen, leads)
+            seen = exposure.middle.places_at_leads(chosen, leads)
             across = GATE_SIGMAS * np.max(
                 np.hypot(spread.across_km[rows, :2], spread.radial_km[rows, :2]), axis=-1
             )
@@ -283,10 +281,12 @@ class FieldCatalogue:
         window: tuple[float, float],
     ) -> Candidate | None:
         near, spreads = of
-        entry, spread = self._sets[near[row]], spreads.of(np.array([row]))
+        entry, spread = self._sets[near[row]], spreads.subset(np.array([row]))
         satellite = SatrecArray([entry.record])
         leads = _leads(view, exposure, satellite, window)
-        opening, middle, closing = exposure.three(satellite, np.append(leads, 0.0))
+        opening, middle, closing = exposure.places_through_exposure(
+            satellite, np.append(leads, 0.0)
+        )
         if not np.all(np.isfinite(middle.u)):
             return None
         speed = float(np.linalg.norm(middle.v_km_s[0, -1]))
@@ -334,7 +334,7 @@ def _leads(
     view: FieldOfView, exposure: Exposure, satellite: SatrecArray, window: tuple[float, float]
 ) -> FloatArray:
     """Leads so close together that none steps over the field."""
-    seen = exposure.middle.seen(satellite, np.linspace(*window, 5))
+    seen = exposure.middle.places_at_leads(satellite, np.linspace(*window, 5))
     pace = float(np.nan_to_num(np.linalg.norm(seen.by_lead[0], axis=-1)).max())
     path = pace * (window[1] - window[0])
     count = int(np.clip(np.ceil(path / (_FINE * view.radius_rad)) + 1, *_LEADS))
@@ -347,17 +347,17 @@ def across_track_sigmas(spread: ElementSpread, seen: ObjectPlaces) -> tuple[Floa
     Vectors (M objects, L leads, 3), towards the north for an eastward motion; sigmas (M, L, 3), by
     the three cases of ``ElementSpread``.
     """
-    across, radial, pole = across_parts(seen)
+    across, radial, pole = across_track_components(seen)
     by_radial = radial[..., None] * spread.radial_km[:, None, :]
     by_pole = pole[..., None] * spread.across_km[:, None, :]
     return across, np.hypot(by_radial, by_pole) / seen.range_km[..., None]
 
 
-def across_parts(seen: ObjectPlaces) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Unit vectors across the paths of objects, and their components in the frame of the orbit.
+def across_track_components(seen: ObjectPlaces) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit vectors across the paths of objects, and their radial and polar components.
 
-    Vectors (M objects, L leads, 3); components (M, L) along the radius, and (M, L) along the
-    orbit's pole.
+    Vectors (M objects, L leads, 3); components (M, L) along the radius of the orbit, and (M, L)
+    along its pole.
     """
     r, v = seen.r_km, seen.v_km_s
     across = np.cross(seen.u, seen.by_lead)

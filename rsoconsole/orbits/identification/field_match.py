@@ -1,10 +1,10 @@
-"""Match of the lines of a frame with the objects that can have crossed its field. Pure.
+"""Match of the streaks of a frame with the objects that can have crossed its field. Pure.
 
-A line fits an object where it lies near the object's path, runs along it and is as long as rate and
-exposure make it; how far along it lies is the object's lead in seconds. Every fit is a likelihood
-ratio against a line that no catalogue knows; the assignments of all lines to objects, one to one,
-are weighed against each other (``assignments``), and another choice with a probability of one
-twentieth or more makes a line ambiguous.
+A line (streak) fits an object where it lies near the object's path, runs along it and has the
+length given by rate and exposure; its place along the path gives the object's lead in seconds. Each
+fit has a likelihood ratio against a line of an object in no catalogue. All one-to-one assignments
+of lines to objects are weighed against each other (``assignments``); a line is ambiguous where
+another choice has a probability of one twentieth or more.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from rsoconsole.orbits.identification.field_crossings import (
     GATE_SIGMAS,
     Candidate,
     FieldOfView,
-    across_parts,
+    across_track_components,
     across_track_sigmas,
 )
 from rsoconsole.orbits.identification.single import Verdict
@@ -38,12 +38,10 @@ _LOG_LENGTHS = 4.0
 _DIRECTION_DEG, _LENGTH_SHARE = 0.1, 0.01
 """Errors of the predicted direction and rate, beside the line's own errors."""
 _FADED, _FADED_LOG = 0.05, 2.5
-"""Share of the lines that are not visible all along, and how much shorter they may be, as a
-logarithm."""
+"""Share of lines not visible all along, and how much shorter they may be, as a logarithm."""
 _MAX_LENGTH_SIGMAS = 5.0
 Shape = Literal["placed", "faded", "open"]
-"""Kind of a line: placed (one or both ends give place and instant), faded (a part of it is
-missing), open (the rim cuts both ends)."""
+"""Kind of a line: placed (an end gives place and time), faded (a part missing), open (both cut)."""
 _TOO_LONG = 1.05
 _MAX_TURN_SIGMAS = 5.0
 _NEWTON = 3
@@ -51,13 +49,12 @@ _WIDER = 1.1
 """Factor by which a measured lead may exceed the gate."""
 _MIN_ROOM_S = 0.1
 _MIN_PACE = 1e-3 * ARCSEC_RAD
-"""Least angular speed by a second of lead, rad/s: what comes straight at the telescope has no
-path."""
+"""Least angular speed by a second of lead, rad/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Line:
-    """A streak of one exposure."""
+class StreakLine:
+    """A streak of one exposure, as unit vectors of its ends and middle, with their errors."""
 
     a: FloatArray
     """Unit vector (3,) of one end; ``b`` is that of the other."""
@@ -85,7 +82,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class CandidateFit:
     """Offsets of a line from a candidate's path, and the likelihood of the match."""
 
     along_s: float
@@ -109,12 +106,12 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
-    """One possible answer for a line: the index of a candidate, or None for no catalogue."""
+class LineChoice:
+    """One possible answer for a line: a candidate's index, or None for no catalogued object."""
 
     candidate: int | None
     probability: float
-    fit: Fit | None
+    fit: CandidateFit | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +119,7 @@ class LineMatch:
     """Result of the match for one line."""
 
     verdict: Verdict
-    choices: tuple[Choice, ...]
+    choices: tuple[LineChoice, ...]
     """Choices with a probability of 5 % at least, the likeliest first; never empty."""
 
 
@@ -136,7 +133,7 @@ class FieldMatch:
 
 
 def match_field(
-    view: FieldOfView, candidates: Sequence[Candidate], lines: Sequence[Line]
+    view: FieldOfView, candidates: Sequence[Candidate], lines: Sequence[StreakLine]
 ) -> FieldMatch:
     """Match the lines of a frame with candidates: at most one line for each candidate."""
     if not lines:
@@ -169,11 +166,11 @@ def _shares(scores: FloatArray) -> FloatArray:
     return found
 
 
-def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> LineMatch:
+def _matched(shares: FloatArray, fits: Sequence[CandidateFit | None]) -> LineMatch:
     order = np.argsort(-shares, kind="stable")
     none = len(shares) - 1
     choices = tuple(
-        Choice(
+        LineChoice(
             candidate=None if n == none else int(n),
             probability=float(shares[n]),
             fit=None if n == none else fits[n],
@@ -189,7 +186,9 @@ def _matched(shares: FloatArray, fits: Sequence[Fit | None]) -> LineMatch:
     return LineMatch(verdict=verdict, choices=choices)
 
 
-def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line) -> Fit | None:
+def _fitted(
+    view: FieldOfView, exposure: Exposure, candidate: Candidate, line: StreakLine
+) -> CandidateFit | None:
     """Fit of a line to a candidate's path; None where it lies outside the gates."""
     met = _met(view, exposure, candidate, line)
     if met is None:
@@ -216,7 +215,7 @@ def _fitted(view: FieldOfView, exposure: Exposure, candidate: Candidate, line: L
     missed = np.log(max(1.0 - _SEEN * candidate.chance, 1e-3))
     prior = np.log(_SEEN) - missed - np.log(line.strangers)
     is_whole = line.is_end_a and line.is_end_b
-    return Fit(
+    return CandidateFit(
         along_s=met.lead_s,
         sigma_along_s=float(np.hypot(met.sigma_along_s, spare_s)),
         across_rad=met.across_rad,
@@ -250,7 +249,7 @@ class _PathAtLine:
 
 
 def _met(
-    view: FieldOfView, exposure: Exposure, candidate: Candidate, line: Line
+    view: FieldOfView, exposure: Exposure, candidate: Candidate, line: StreakLine
 ) -> _PathAtLine | None:
     """Path at the line's lead; None where the line is outside the gates along and across."""
     start = int(np.argmax(candidate.u @ line.middle))
@@ -259,7 +258,7 @@ def _met(
     place: FloatArray | None = None
     lead_s = float(candidate.lead_s[start])
     for turn in range(_NEWTON + 1):
-        three = exposure.three(candidate.satellite, np.array([lead_s]))
+        three = exposure.places_through_exposure(candidate.satellite, np.array([lead_s]))
         if place is None:
             place, when = _known_place(line, three[1].by_time[0, 0])
         seen = three[when]
@@ -272,7 +271,7 @@ def _met(
             lead_s += float(off @ along) / pace**2
     across, sigmas = across_track_sigmas(candidate.spread, seen)
     own = _sigma_towards(line, seen.u[0, 0], across[0, 0])
-    _, by_radial, by_pole = across_parts(seen)
+    _, by_radial, by_pole = across_track_components(seen)
     across_rad = float(off @ across[0, 0])
     across_sigmas = np.hypot(sigmas[0, 0], own)
     is_off = abs(across_rad) > GATE_SIGMAS * float(across_sigmas.max())
@@ -291,7 +290,7 @@ def _met(
     )
 
 
-def _known_place(line: Line, by_time: FloatArray) -> tuple[FloatArray, int]:
+def _known_place(line: StreakLine, by_time: FloatArray) -> tuple[FloatArray, int]:
     """Place of a line whose instant is known, and which that is: 0 opening, 1 middle, 2 closing.
 
     For a line that the rim cuts: the end in the frame, opening or closing by the direction of
@@ -303,7 +302,7 @@ def _known_place(line: Line, by_time: FloatArray) -> tuple[FloatArray, int]:
     return inner, 0 if (outer - inner) @ by_time > 0.0 else 2
 
 
-def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
+def _direction_rad(line: StreakLine, by_time: FloatArray, u: FloatArray) -> float:
     """Angle from the predicted direction to the line's, to the north of an eastward motion.
 
     For a line of unknown sense the smaller one of two.
@@ -316,7 +315,7 @@ def _direction_rad(line: Line, by_time: FloatArray, u: FloatArray) -> float:
     return (angle + np.pi / 2.0) % np.pi - np.pi / 2.0
 
 
-def _log_lengths(line: Line, predicted_rad: float) -> dict[Shape, float]:
+def _log_lengths(line: StreakLine, predicted_rad: float) -> dict[Shape, float]:
     """Log densities of a line's length over that of a line in no catalogue, by kind.
 
     Empty where the length does not fit.
@@ -372,7 +371,7 @@ def _angle_rad(a: FloatArray, b: FloatArray) -> float:
     return float(2.0 * np.arcsin(min(float(np.linalg.norm(a - b)) / 2.0, 1.0)))
 
 
-def _sigma_towards(line: Line, u: FloatArray, direction: FloatArray) -> float:
+def _sigma_towards(line: StreakLine, u: FloatArray, direction: FloatArray) -> float:
     """One sigma of its middle along a unit vector, rad."""
     east = np.array([-u[1], u[0], 0.0]) / max(float(np.hypot(u[0], u[1])), 1e-12)
     north = np.cross(u, east)

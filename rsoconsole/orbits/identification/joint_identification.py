@@ -1,10 +1,10 @@
-"""Identification of all tracks of a field together: each object is one track at most. Pure.
+"""Identification of all tracks of a field together: an object is one track at most. Pure.
 
-Tracks that were seen at the same time are different objects, so that a catalogued object that fits
-two of them is one of the two. The assignments of all tracks to objects, or to what no catalogue
-knows, are weighed against each other (``assignments``), each with the error that its elements may
-have in common (``_shared_errors``): where all members of a slot are off their elements, their
-relative places distinguish them. A track's probabilities are sums over the assignments.
+Tracks seen at the same time are of different objects: a catalogued object that fits two of them can
+be only one. All assignments of tracks to objects, or to none in a catalogue, are weighed against
+each other (``assignments``), with an error that the elements may have in common
+(``_shared_errors``): where all objects of a slot are off their elements, their relative places
+distinguish them. A track's probabilities are sums over the assignments.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,12 @@ import numpy.typing as npt
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry
 from rsoconsole.orbits.first.directions import MeasuredDirections
 from rsoconsole.orbits.identification._assignments import Assignment, best_assignments
-from rsoconsole.orbits.identification._shared_errors import CASES, Pair, SharedErrors, pair_of
+from rsoconsole.orbits.identification._shared_errors import (
+    CASES,
+    ObjectPair,
+    SharedErrorModel,
+    make_pair,
+)
 from rsoconsole.orbits.identification.element_errors import ASSUMED, ElementErrors
 from rsoconsole.orbits.identification.single import (
     GATE_DEG,
@@ -26,8 +31,8 @@ from rsoconsole.orbits.identification.single import (
     Identification,
     ObjectMatch,
     compare_with_catalogue,
-    identification,
-    identification_alone,
+    identify_alone,
+    make_identification,
 )
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.words import NS_PER_S, catalogued_name
@@ -36,10 +41,10 @@ GAP_S = 600.0
 """Longest gap within a stretch of a track: in a longer one the object may have been lost."""
 
 
-def seen_at_once(tracks: Sequence[MeasuredDirections]) -> npt.NDArray[np.bool_]:
-    """Matrix (T, T), True where two tracks were seen at the same time.
+def simultaneous_tracks(tracks: Sequence[MeasuredDirections]) -> npt.NDArray[np.bool_]:
+    """Return a matrix (T, T), True where two tracks were observed at the same time.
 
-    A track is split into stretches at its gaps (`GAP_S`); the gaps count as unseen.
+    A track counts as not observed during its gaps longer than `GAP_S`.
     """
     stretches = [_stretches(each) for each in tracks]
     found = np.zeros((len(tracks), len(tracks)), bool)
@@ -61,10 +66,8 @@ def _stretches(seen: MeasuredDirections) -> tuple[npt.NDArray[np.int64], npt.NDA
 _CREDIBLE = 36.0
 """Squared Mahalanobis distance up to which an object is a candidate for a track."""
 _MAX_OBJECTS = 12
-"""Most candidates for each track, the nearest first."""
 _ANCHORS = 2
-"""Number of tracks, those with the most directions, from which the common error of elements is
-found."""
+"""Number of tracks, those with most directions, that give the common error of elements."""
 _EACH = 12
 """Number of assignments weighed for each such guess."""
 _WITHIN = 30.0
@@ -136,7 +139,7 @@ def _candidates(compared: CatalogueComparison) -> list[ObjectMatch]:
 
 def _named(members: Sequence[CatalogueComparison], gate_deg: float) -> list[Identification]:
     if len(members) == 1:
-        return [identification_alone(members[0], gate_deg)]
+        return [identify_alone(members[0], gate_deg)]
     objects = sorted({each.norad_id for one in members for each in _candidates(one)})
     assignments, probabilities = _weighed(members, objects)
     marginals = np.zeros((len(members), len(objects) + 1))
@@ -152,7 +155,7 @@ def _named(members: Sequence[CatalogueComparison], gate_deg: float) -> list[Iden
                 key=lambda each: (-round(each.probability, 6), each.score),
             )
         )
-        answer = identification(one, matches, float(marginals[t, -1]), gate_deg)
+        answer = make_identification(one, matches, float(marginals[t, -1]), gate_deg)
         answer = replace(answer, named_with=len(members) - 1)
         if answer.not_catalogued >= SURE and best[t] == len(objects):
             answer = _taken_by_others(answer)
@@ -179,18 +182,18 @@ def _weighed(
     """
     pairs = [_pairs(one, objects) for one in members]
     unknown = np.array([np.log(UNCATALOGUED[one.found.offsets.shape[1]]) for one in members])
-    rivals = seen_at_once([one.seen for one in members])
+    rivals = simultaneous_tracks([one.seen for one in members])
     anchors = sorted(range(len(members)), key=lambda t: -len(members[t].seen))[:_ANCHORS]
-    cases = [SharedErrors(case, pairs, unknown) for case in CASES]
+    cases = [SharedErrorModel(case, pairs, unknown) for case in CASES]
     proposed: set[Assignment] = set()
     for case in cases:
-        for common in case.proposals(anchors):
-            proposed.update(best_assignments(case.scores(common), rivals, _EACH, _WITHIN))
+        for common in case.trial_common_errors(anchors):
+            proposed.update(best_assignments(case.log_densities(common), rivals, _EACH, _WITHIN))
     for case in cases:
         known = sorted(proposed)
         heights, places = case.log_evidence(known)
         for k in np.argsort(-heights)[:_LIKELIEST]:
-            proposed.update(best_assignments(case.scores(places[k]), rivals, _EACH, _WITHIN))
+            proposed.update(best_assignments(case.log_densities(places[k]), rivals, _EACH, _WITHIN))
     known = sorted(proposed)
     total = np.logaddexp.reduce([case.log_evidence(known)[0] for case in cases])
     shares = np.exp(total - np.max(total))
@@ -198,10 +201,10 @@ def _weighed(
     return [known[k] for k in order], shares[order] / np.sum(shares)
 
 
-def _pairs(one: CatalogueComparison, objects: Sequence[int]) -> list[Pair | None]:
+def _pairs(one: CatalogueComparison, objects: Sequence[int]) -> list[ObjectPair | None]:
     near = {each.norad_id for each in _candidates(one)}
     place = {entry.norad_id: n for n, entry in enumerate(one.found.entries)}
     return [
-        pair_of(one.found, place[number], one.seen.epoch_utc_ns) if number in near else None
+        make_pair(one.found, place[number], one.seen.epoch_utc_ns) if number in near else None
         for number in objects
     ]

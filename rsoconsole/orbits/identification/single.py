@@ -12,23 +12,22 @@ from typing import Literal
 
 import numpy as np
 
-from rsoconsole.orbits.elements.catalogue import (
-    CatalogueEntry,
-    nearest_in_epoch_of_each,
-    states_gcrs,
-)
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, nearest_epoch_entries, states_gcrs
 from rsoconsole.orbits.first.directions import MeasuredDirections
-from rsoconsole.orbits.identification._catalogue_residuals import CatalogueResiduals, compare
+from rsoconsole.orbits.identification._catalogue_residuals import (
+    CatalogueResiduals,
+    compute_catalogue_residuals,
+)
 from rsoconsole.orbits.identification.element_errors import (
     ASSUMED,
     ElementErrors,
     Regime,
     covariance_rtn,
     manoeuvred_probability,
-    regime_of,
+    orbit_regime,
 )
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.words import NS_PER_DAY, angle, catalogued_name, clock
+from rsoconsole.words import NS_PER_DAY, angle, catalogued_name, utc_text
 
 Verdict = Literal["identified", "ambiguous", "unknown"]
 
@@ -44,7 +43,6 @@ _WIDE_DEG = 2.0
 """Largest distance along its track at which a lone object is suspected to have been moved."""
 _CLOSE_LOOK_DEG = 3.0
 _MAX_MATCHES = 5
-"""Largest number of matches in an answer."""
 _AT_LEAST = 24
 """Nearest candidates compared in full, however far: there is always a runner-up."""
 UNCATALOGUED = {4: 2.4e-10, 2: 3.9e-9}
@@ -70,14 +68,12 @@ class ObjectMatch:
     rate_difference_percent: float | None
     """Measured minus predicted angular speed; None where one direction alone gives no rate."""
     rate_direction_deg: float | None
-    """Angle by which the motion is turned, positive as ``cross_track_arcsec``; None without a
-    rate."""
+    """Angle by which the motion is turned, as ``cross_track_arcsec``; None without a rate."""
     tle_epoch_utc_ns: int
     tle_age_days: float
     """Age of the elements; negative where their epoch is after the directions."""
     score: float
-    """Mahalanobis distance in sigmas, raised where the elements are so vague that much would fit.
-    Smaller is better, and matches are ranked by it."""
+    """Mahalanobis distance in sigmas, raised for vague elements; the smallest ranks first."""
     probability: float
     """Probability of this object, among all compared ones and what no catalogue knows."""
     is_within_gate: bool
@@ -102,9 +98,7 @@ class Identification:
     t_utc_ns: int
     gate_deg: float
     catalogued: int
-    """Number of catalogued objects compared."""
     failed: int
-    """Number of objects that SGP4 could not propagate to that instant."""
     not_catalogued: float = 0.0
     """Probability that no catalogue knows the object."""
     named_with: int = 0
@@ -133,13 +127,14 @@ def compare_with_catalogue(
     gate_deg: float = GATE_DEG,
     errors: ElementErrors = ASSUMED,
 ) -> CatalogueComparison:
-    """Compare ``seen``, one arc of one night, with every catalogued object.
+    """Compare the directions of one arc with the predicted places of all catalogued objects.
 
-    ``gate_deg``: largest offset within the gate. ``errors``: those of the elements.
+    ``gate_deg``: largest offset of an object within the gate. ``errors``: errors of the
+    elements.
     """
-    nearest = nearest_in_epoch_of_each(entries, seen.epoch_utc_ns)
+    nearest = nearest_epoch_entries(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)
-    found = compare(seen, site, close, errors)
+    found = compute_catalogue_residuals(seen, site, close, errors)
     matches = (_match(seen, found, n, gate_deg) for n in range(len(found.entries)))
     scored = sorted(matches, key=lambda each: each.score)
     return CatalogueComparison(
@@ -152,7 +147,7 @@ def compare_with_catalogue(
     )
 
 
-def identification_alone(compared: CatalogueComparison, gate_deg: float) -> Identification:
+def identify_alone(compared: CatalogueComparison, gate_deg: float) -> Identification:
     """Identify one track by itself, without regard to other tracks."""
     total = sum(each.probability for each in compared.scored) + compared.unknown_weight
     unknown = compared.unknown_weight / total if total > 0.0 else 1.0
@@ -160,18 +155,18 @@ def identification_alone(compared: CatalogueComparison, gate_deg: float) -> Iden
         replace(each, probability=each.probability / total if total > 0.0 else 0.0)
         for each in compared.scored
     )
-    return identification(compared, shares, unknown, gate_deg)
+    return make_identification(compared, shares, unknown, gate_deg)
 
 
-def identification(
+def make_identification(
     compared: CatalogueComparison,
     matches: tuple[ObjectMatch, ...],
     not_catalogued: float,
     gate_deg: float,
 ) -> Identification:
-    """Make the result for a track from its matches, best first, with their final probabilities.
+    """Return the identification of a track from its matches with their final probabilities.
 
-    ``not_catalogued``: the probability that no catalogue knows the object.
+    ``matches``: best first. ``not_catalogued``: probability that no catalogue has the object.
     """
     verdict, reason = _verdict(matches, gate_deg)
     return Identification(
@@ -211,7 +206,7 @@ def _match(
     """Compute one match, whose ``probability`` is a weight as yet."""
     entry, offset = found.entries[n], found.offsets[n]
     age_days = (seen.epoch_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
-    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    regime = orbit_regime(entry.revolutions_a_day, entry.eccentricity)
     undisturbed = _covariance(found, n, age_days, is_moved=False)
     moved = _covariance(found, n, age_days, is_moved=True)
     fresh = _covariance(found, n, 0.0, is_moved=False)
@@ -257,8 +252,8 @@ def _covariance(
 ) -> FloatArray:
     """Covariance (D, D) of the offsets of one object: measurement and elements."""
     entry = found.entries[n]
-    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
-    spread = found.errors.of(regime, is_moved=is_moved)
+    regime = orbit_regime(entry.revolutions_a_day, entry.eccentricity)
+    spread = found.errors.spread_for(regime, is_moved=is_moved)
     errors = covariance_rtn(spread, age_days, float(found.mean_motion_rad_s[n]))
     slopes = found.by_errors[n]
     return np.asarray(found.covariance[n] + slopes @ errors @ slopes.T)
@@ -327,7 +322,8 @@ def _motion_words(match: ObjectMatch) -> str:
 
 def _hint(matches: Sequence[ObjectMatch], verdict: Verdict, gate_deg: float) -> str:
     """Hint at a manoeuvre: a known object, the right motion, off its elements, nothing else
-    near."""
+    near.
+    """
     if verdict == "identified" and matches[0].undisturbed_sigma ** 2 > _OFF_ELEMENTS:
         return _moved_words(matches[0])
     if verdict != "unknown":
@@ -343,7 +339,7 @@ def _hint(matches: Sequence[ObjectMatch], verdict: Verdict, gate_deg: float) -> 
 
 
 def _moved_words(match: ObjectMatch) -> str:
-    epoch = clock(match.tle_epoch_utc_ns, "dated minute", "")
+    epoch = utc_text(match.tle_epoch_utc_ns, "dated minute", "")
     way = "ahead of" if match.along_track_arcsec > 0.0 else "behind"
     between = "since" if match.tle_age_days >= 0.0 else "before"
     return (

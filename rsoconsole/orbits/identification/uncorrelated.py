@@ -1,11 +1,11 @@
 """Correlation of uncorrelated tracks with uncatalogued objects seen before. Pure.
 
-Earlier tracks predict where the object should be, and how it should move, with an error that grows
-with time. For an undisturbed orbit the error is its own covariance and the forces left out; for an
-object that was moved meanwhile, the errors by manoeuvres of elements of that age. A satellite that
-stays over its place on the ground, as a geostationary one kept in its slot, is expected where it
-was at the same sidereal time, whether a short arc gave it a wrong orbit or none. The answer is a
-probability against another uncatalogued object's being there by chance.
+Earlier tracks predict place and motion of an object, with an error that grows with time. For an
+undisturbed orbit the error is that of the orbit and of the forces left out; for an object moved
+since, that of elements of the same age after manoeuvres. A satellite that stays over its place on
+the ground, as a geostationary one kept in its slot, is expected where it was at the same sidereal
+time, even if a short arc gave no orbit or a wrong one. The result is a probability, relative to
+another uncatalogued object's being there by chance.
 """
 
 from collections.abc import Sequence
@@ -18,12 +18,12 @@ from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.element_errors import (
     MANOEUVRED,
     manoeuvred_probability,
-    regime_of,
-    sigma_at_age,
+    orbit_regime,
+    sigma_at_age_km,
 )
-from rsoconsole.orbits.identification.joint_identification import seen_at_once
+from rsoconsole.orbits.identification.joint_identification import simultaneous_tracks
 from rsoconsole.orbits.motion.prediction import KnownOrbit, SkyMotion, predict, predict_motion
-from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, elements_of, propagate
+from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, osculating_elements, propagate
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     ARCSEC_RAD,
@@ -72,7 +72,6 @@ class EarlierTrack:
     """One earlier track of an uncatalogued object."""
 
     number: int
-    """Number of the object."""
     site: Site
     t_utc_ns: int
     """Instant of the direction: the middle of the track."""
@@ -127,10 +126,10 @@ def correlate_tracks(
         scores[t, -1] = np.log(_STRANGERS[_over_ground(rate, dec_deg) < BELT_ARCSEC_S])
         for each in before:
             n = numbers.index(each.number)
-            found = log_density(each, track, site)
+            found = track_log_density(each, track, site)
             if found is not None and found[0] > scores[t, n]:
                 scores[t, n], off[t, n] = found
-    assignments = best_assignments(scores, seen_at_once(tracks), _EACH)
+    assignments = best_assignments(scores, simultaneous_tracks(tracks), _EACH)
     rows = np.arange(len(tracks))
     sums = np.array([np.sum(scores[rows, list(each)]) for each in assignments])
     shares = np.exp(sums - np.max(sums))
@@ -141,13 +140,13 @@ def correlate_tracks(
     return tuple(_answer(numbers, marginals[t, :-1], off[t]) for t in rows)
 
 
-def log_density(
+def track_log_density(
     before: EarlierTrack, seen: MeasuredDirections, site: Site
 ) -> tuple[float, float] | None:
-    """Log density of a track's offset from an earlier track's prediction, and the offset in arcsec.
+    """Return the log density of a track's offset from a prediction, and the offset.
 
-    None where the offset is beyond the gate, or where the earlier track predicts nothing for that
-    instant.
+    The prediction is an earlier track's; the offset is in arcsec. None where it is beyond the gate,
+    or where there is no prediction for that instant.
     """
     track = _middle_of(seen)
     days = abs(track.epoch_utc_ns - before.t_utc_ns) / NS_PER_DAY
@@ -212,7 +211,7 @@ def _middle_of(seen: MeasuredDirections) -> MeasuredDirections:
     """Sightings of a few directions about the middle, evenly chosen."""
     near = np.flatnonzero(np.abs(seen.t_s) <= _MIDDLE_S)
     step = max(1, -(-len(near) // _MAX_DIRECTIONS))
-    return seen.of(near[::step])
+    return seen.subset(near[::step])
 
 
 def _over_ground(rate_arcsec_s: tuple[float, float], dec_deg: float) -> float:
@@ -239,8 +238,8 @@ def _moved_share(before: EarlierTrack, days: float) -> float:
         return 0.9 * (1.0 - float(np.exp(-days / 5.0)))
     if before.orbit is None:
         return 0.0
-    elements = elements_of(before.orbit.r_km, before.orbit.v_km_s)
-    return manoeuvred_probability(regime_of(_revolutions(elements.a_km), elements.e), days)
+    elements = osculating_elements(before.orbit.r_km, before.orbit.v_km_s)
+    return manoeuvred_probability(orbit_regime(_revolutions(elements.a_km), elements.e), days)
 
 
 def _revolutions(a_km: float) -> float:
@@ -279,8 +278,8 @@ def _by_orbit(
     if found is None:
         return []
     motion, offset, range_km = found
-    elements = elements_of(orbit.r_km, orbit.v_km_s)
-    spread = MANOEUVRED[regime_of(_revolutions(elements.a_km), elements.e)]
+    elements = osculating_elements(orbit.r_km, orbit.v_km_s)
+    spread = MANOEUVRED[orbit_regime(_revolutions(elements.a_km), elements.e)]
     n = _revolutions(elements.a_km) * 2.0 * np.pi / 86_400.0
     forces = _FORCES_KM_A_DAY * days
     cases = []
@@ -288,7 +287,10 @@ def _by_orbit(
         (1.0 - share, (forces, forces / 4.0)),
         (
             share / 2.0 if before.is_in_belt else share,
-            (float(sigma_at_age(spread.along, days)), float(sigma_at_age(spread.across, days))),
+            (
+                float(sigma_at_age_km(spread.along, days)),
+                float(sigma_at_age_km(spread.across, days)),
+            ),
         ),
     ):
         growth = _on_sky(motion, sizes, range_km, n)

@@ -1,9 +1,8 @@
-"""Track of a low satellite from streak to streak, and the orbit that the streaks determine. Pure.
+"""Track of a low satellite from streak to streak, and the orbit through them. Pure.
 
 One streak does not show in which sense the object moved, so a track begins as two hypotheses, each
-with all low orbits through the streak (`low_cloud`). A second streak in the place predicted by one
-of them gives an orbit (`low_fit`), which from then on predicts the next one, and rejects other
-streaks.
+with all low orbits through the streak (`low_cloud`). A second streak at a place that one of them
+predicts gives an orbit (`low_fit`), which then predicts the next streak and rejects others.
 """
 
 from collections.abc import Sequence
@@ -12,9 +11,14 @@ from math import erf
 
 import numpy as np
 
-from rsoconsole.orbits.low.low_cloud import OrbitCloud, cloud_ahead, cloud_through, nearest_state
-from rsoconsole.orbits.low.low_fit import LowOrbit, StreakEnds, Timing, fit_streaks
-from rsoconsole.orbits.motion.ahead import PredictedPosition, PredictedSkyPath, path_of
+from rsoconsole.orbits.low.low_cloud import (
+    OrbitCloud,
+    cloud_through_streak,
+    nearest_state,
+    predict_from_cloud,
+)
+from rsoconsole.orbits.low.low_fit import LowOrbit, StreakEnds, TimingErrors, fit_streaks
+from rsoconsole.orbits.motion.ahead import PredictedPosition, PredictedSkyPath, sky_path_through
 from rsoconsole.orbits.motion.prediction import KnownOrbit, predict, predict_motion
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray, position_angle_deg, separation_deg, wrap_180
@@ -24,8 +28,7 @@ GATE = 30.0
 """Largest squared residual of a streak's four numbers for this object: chance of more 5e-6."""
 MIN_PROBABILITY = 1e-4
 MAX_SCATTER_S = 1.0
-"""Largest scatter of the shutter, one sigma, where it has not been measured: so early or late may a
-streak be that lies on the track, runs along it and is as fast."""
+"""Largest scatter of the shutter, s, one sigma, where it has not been measured."""
 _STRAIGHT_S = 0.1
 _OF_MOTION = 4
 """Number of unknowns of an orbit that give the place along its path."""
@@ -36,11 +39,9 @@ _SHAKE_FRAMES = 3.0
 _OF_PLANE = 3
 """Number of unknowns that give the place across the path."""
 _WHOLE_SIGMAS, _RATE_ERROR = 3.0, 0.01
-"""Largest deviation of a trusted length, in errors of its ends and of the rate; error of the rate,
-as a share of it."""
+"""Largest deviation of a trusted length, in sigmas; error of the rate, as a share of it."""
 _MAX_MISSING = 0.5
-"""Largest share of a streak's length hidden by a mount that goes on before the shutter has
-closed."""
+"""Largest share of a streak's length hidden by a mount that goes on before the shutter closes."""
 _MAX_FITS = 3
 _DETECTED = 0.9
 """Probability of detecting a streak that was in the frame, where nothing else is known."""
@@ -48,21 +49,18 @@ _DETECTED = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hypothesis:
-    """One sense of the object's motion along the first streak, and all that was measured since."""
+    """One sense of the motion along the first streak, with all streaks and the orbit."""
 
     streaks: tuple[StreakEnds, ...]
     """Streaks in order of time, each with its ends in the sense of this hypothesis."""
     cloud: OrbitCloud
-    """Low orbits through the first streak."""
     orbit: LowOrbit | None
     """Orbit through the streaks; None before the second one."""
     probability: float
     scatter_s: float
-    """Timing scatter of the shutter, one sigma: as stated at first, then as found from the
-    streaks."""
+    """Timing scatter of the shutter, s, one sigma: stated at first, then found from the streaks."""
     shake_arcsec: float = 0.0
-    """Error of each end beyond its stated sigma, one sigma: wind, a mount that settles. It is found
-    from how far the streaks lie beside their orbit."""
+    """One sigma of each end's error beyond the stated one, found from the streaks' offsets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,22 +68,22 @@ class LeapTrack:
     """Track of a low satellite: hypotheses, the likeliest first; probabilities add up to 1."""
 
     site: Site
-    timing: Timing
+    timing: TimingErrors
     hypotheses: tuple[Hypothesis, ...]
 
     @property
-    def best(self) -> Hypothesis:
+    def best_hypothesis(self) -> Hypothesis:
         """Likeliest hypothesis."""
         return self.hypotheses[0]
 
-    def ahead(self, t_utc_ns: int, number: int = 0) -> PredictedPosition | None:
-        """Predicted place by the hypothesis ``number``, 0 the likeliest.
+    def predicted_position(self, t_utc_ns: int, number: int = 0) -> PredictedPosition | None:
+        """Return the position that a hypothesis predicts; None where it predicts none.
 
-        None where no place can be predicted.
+        ``number``: index of the hypothesis, 0 the likeliest.
         """
         each = self.hypotheses[number]
         if each.orbit is None:
-            return cloud_ahead(each.cloud, self.site, t_utc_ns, each.scatter_s)
+            return predict_from_cloud(each.cloud, self.site, t_utc_ns, each.scatter_s)
         motion = predict_motion(each.orbit, self.site, t_utc_ns)
         if motion is None:
             return None
@@ -97,21 +95,21 @@ class LeapTrack:
             covariance_arcsec2=motion.covariance[np.ix_([0, 2], [0, 2])],
         )
 
-    def path(
+    def predicted_path(
         self, from_utc_ns: int, span_s: float, number: int = 0, step_s: float = 2.0
     ) -> PredictedSkyPath | None:
-        """Predicted path by the hypothesis ``number``, 0 the likeliest.
+        """Return the path predicted by a hypothesis for ``span_s`` seconds.
 
-        For ``span_s`` seconds at steps of ``step_s``. None where there are no two places for it.
-        Covariances include the shutter's timing scatter.
+        At steps of ``step_s``. ``number``: index of the hypothesis, 0 the likeliest. None where
+        fewer than two places are predicted. Covariances include the shutter's timing scatter.
         """
         each, steps = self.hypotheses[number], int(np.ceil(span_s / step_s)) + 1
         t = from_utc_ns + (np.arange(steps) * step_s * NS_PER_S).astype(np.int64)
         if each.orbit is not None:
             return path_of_orbit(each.orbit, self.site, t, each.scatter_s)
-        places = [cloud_ahead(each.cloud, self.site, int(at), each.scatter_s) for at in t]
+        places = [predict_from_cloud(each.cloud, self.site, int(at), each.scatter_s) for at in t]
         known = [place for place in places if place is not None]
-        return path_of(known) if len(known) > 1 else None
+        return sky_path_through(known) if len(known) > 1 else None
 
 
 def path_of_orbit(
@@ -127,7 +125,7 @@ def path_of_orbit(
     rates = 3600.0 * np.stack([east, places.dec_rate_deg_s], axis=-1)
     if not (np.all(np.isfinite(rates)) and np.all(np.isfinite(found.cov_sky_arcsec2))):
         return None
-    return path_of(
+    return sky_path_through(
         [
             PredictedPosition(
                 t_utc_ns=int(t),
@@ -150,7 +148,7 @@ def path_of_orbit(
 
 
 def begin_leap_track(
-    site: Site, streak: StreakEnds, timing: Timing, *, is_turned: bool = False
+    site: Site, streak: StreakEnds, timing: TimingErrors, *, is_turned: bool = False
 ) -> LeapTrack | None:
     """Begin a track from one streak with both ends; None where no low orbit passes through it.
 
@@ -160,7 +158,7 @@ def begin_leap_track(
     if not streak.is_whole:
         return None
     senses = (streak,) if is_turned else (streak, streak.reversed)
-    found = [(each, cloud_through(site, each)) for each in senses]
+    found = [(each, cloud_through_streak(site, each)) for each in senses]
     likely = [(each, cloud) for each, cloud in found if cloud is not None]
     if not likely:
         return None
@@ -189,14 +187,14 @@ def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
     """
     found = []
     for number, each in enumerate(track.hypotheses):
-        place = track.ahead(streak.t_mid_utc_ns, number)
+        place = track.predicted_position(streak.t_mid_utc_ns, number)
         if place is None:
             continue
         turned = streak_along_motion(streak, place)
         late_s = _late_s(place, turned)
         if abs(late_s) > _STRAIGHT_S:
             # Its path bends: it is held against where it was then.
-            place = track.ahead(streak.t_mid_utc_ns + round(late_s * NS_PER_S), number)
+            place = track.predicted_position(streak.t_mid_utc_ns + round(late_s * NS_PER_S), number)
             if place is None:
                 continue
         fitting = _as_it_fits(track.timing, each, place, turned)
@@ -224,13 +222,14 @@ def update_leap_track(track: LeapTrack, streak: StreakEnds) -> LeapTrack | None:
 def leap_track_after_miss(
     track: LeapTrack, t_utc_ns: int, centre_deg: tuple[float, float], radius_deg: float
 ) -> LeapTrack:
-    """Update the probabilities after a frame that shows no streak within a radius of its centre.
+    """Return the track with its probabilities updated by a frame without a streak.
 
-    ``centre_deg``: right ascension and declination of the frame's centre.
+    ``centre_deg``: right ascension and declination of the frame's centre; ``radius_deg``: radius
+    around it without a streak.
     """
     changed = []
     for number, each in enumerate(track.hypotheses):
-        place = track.ahead(t_utc_ns, number)
+        place = track.predicted_position(t_utc_ns, number)
         within = 0.0 if place is None else _share_within(place, centre_deg, radius_deg)
         changed.append(replace(each, probability=each.probability * (1.0 - _DETECTED * within)))
     return _track(track.site, track.timing, changed)
@@ -245,7 +244,7 @@ def streak_along_motion(streak: StreakEnds, place: PredictedPosition) -> StreakE
     return streak if is_along else streak.reversed
 
 
-def _track(site: Site, timing: Timing, hypotheses: Sequence[Hypothesis]) -> LeapTrack:
+def _track(site: Site, timing: TimingErrors, hypotheses: Sequence[Hypothesis]) -> LeapTrack:
     total = sum(each.probability for each in hypotheses)
     scaled = [replace(each, probability=each.probability / total) for each in hypotheses]
     scaled.sort(key=lambda each: -each.probability)
@@ -281,7 +280,7 @@ def _with_streak(track: LeapTrack, each: Hypothesis, streak: StreakEnds) -> Hypo
     )
 
 
-def _scatter_s(timing: Timing, streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
+def _scatter_s(timing: TimingErrors, streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
     """Timing scatter of the shutter: as stated, and as the streaks lie early and late on their
     orbit.
 
@@ -311,7 +310,7 @@ def _shake_arcsec(streaks: Sequence[StreakEnds], orbit: LowOrbit) -> float:
 
 
 def _as_it_fits(
-    timing: Timing, each: Hypothesis, place: PredictedPosition, streak: StreakEnds
+    timing: TimingErrors, each: Hypothesis, place: PredictedPosition, streak: StreakEnds
 ) -> tuple[StreakEnds, float] | None:
     """Streak with its trusted ends, and its log likelihood; None where it is another object's.
 
@@ -341,7 +340,7 @@ def _of_sure_length(
     """
     if not streak.is_whole:
         return streak
-    expected_arcsec = place.speed_arcsec_s * float(np.diff(streak.t_utc_ns)[0]) / NS_PER_S
+    expected_arcsec = place.speed_arcsec_s * float(np.diff(streak.ends_utc_ns)[0]) / NS_PER_S
     missing_arcsec = abs(expected_arcsec - streak.length_arcsec)
     rate_error_arcsec = _RATE_ERROR * expected_arcsec
     sigma_arcsec = np.sqrt(
@@ -362,7 +361,7 @@ def _log_likelihood(place: PredictedPosition, streak: StreakEnds, scatter_s: flo
     cov = streak.covariances_arcsec2
     rate = place.rate_arcsec_s
     # Each end against where the rate puts it: the place's error and the time's are common.
-    since_s = (streak.t_utc_ns - place.t_utc_ns) / NS_PER_S
+    since_s = (streak.ends_utc_ns - place.t_utc_ns) / NS_PER_S
     off = np.concatenate([_offset(place, streak, n) - rate * since_s[n] for n in range(2)])
     common = place.covariance_arcsec2 + scatter_s**2 * np.outer(rate, rate)
     total = np.kron(np.ones((2, 2)), common)
@@ -380,7 +379,7 @@ def _log_likelihood(place: PredictedPosition, streak: StreakEnds, scatter_s: flo
 def _late_s(place: PredictedPosition, streak: StreakEnds) -> float:
     """Delay of the light after the frame's time, along the motion, seconds."""
     off = 0.5 * (_offset(place, streak, 0) + _offset(place, streak, 1))
-    since_s = float(np.mean(streak.t_utc_ns - place.t_utc_ns)) / NS_PER_S
+    since_s = float(np.mean(streak.ends_utc_ns - place.t_utc_ns)) / NS_PER_S
     return float(off @ place.rate_arcsec_s) / place.speed_arcsec_s**2 - since_s
 
 

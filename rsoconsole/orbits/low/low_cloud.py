@@ -1,11 +1,11 @@
-"""Low orbits through one streak, and where they lead: the admissible region. Pure.
+"""Low orbits through one streak and where they lead: the admissible region. Pure.
 
 A streak gives a direction and its rate; range and range rate remain unknown. Low orbits are nearly
-circular, and a circular orbit through a direction with a rate has one range: so few combinations of
-range and range rate are likely. How round orbits are and how many there are at a height enters as a
-rough prior, with tails for those that are not round. The sense of a streak that goes against the
-Earth's turn is unlikely, except for orbits across the poles. Source: Milani et al. 2004; DeMars &
-Jah 2013 for a prior in elements. Kilometres, seconds, radians.
+circular, and a circular orbit through a direction with a rate has one range: few combinations of
+range and range rate are likely. The distributions of eccentricity and height are rough priors, with
+tails for eccentric orbits. Motion against the Earth's rotation is unlikely, except for polar
+orbits. Source: Milani et al. 2004; DeMars & Jah 2013 for a prior in elements. Kilometres, seconds,
+radians.
 """
 
 from collections.abc import Iterator
@@ -40,7 +40,6 @@ from rsoconsole.sky import (
 from rsoconsole.words import NS_PER_S
 
 LOWEST_KM, HIGHEST_KM = 150.0, 6_000.0
-"""Lowest and highest heights of orbits that are searched."""
 LOWEST_PERIGEE_KM = 120.0
 _RANGES, _FALLS = 400, 81
 _STEEPEST = 0.25
@@ -48,8 +47,7 @@ _STEEPEST = 0.25
 _ROUNDNESS = ((0.70, 0.008), (0.25, 0.04), (0.05, 0.15))
 """Prior of the eccentricity: (share, sigma of each component of the eccentricity vector)"""
 _HEIGHTS_KM = (300.0, 1_500.0)
-"""Heights between which objects are about as many in each kilometre; below few last, above there
-are few."""
+"""Heights, km, between which objects are about as many in each kilometre."""
 _RETROGRADE_DEG, _RETROGRADE = 101.0, 0.02
 """Inclination from which on orbits are rare, and how rare."""
 _MIN_WEIGHT = 1e-4
@@ -71,9 +69,9 @@ class OrbitCloud:
     streak: StreakEnds
 
 
-def cloud_through(site: Site, streak: StreakEnds) -> OrbitCloud | None:
+def cloud_through_streak(site: Site, streak: StreakEnds) -> OrbitCloud | None:
     """Find the low orbits through a streak with both ends; None where there is none."""
-    t = streak.t_utc_ns
+    t = streak.ends_utc_ns
     lines = line_of_sight_gcrs(streak.ra_icrs_deg, streak.dec_icrs_deg, t)
     middle = lines.sum(axis=0)
     towards = middle / np.linalg.norm(middle)
@@ -100,7 +98,7 @@ def cloud_through(site: Site, streak: StreakEnds) -> OrbitCloud | None:
     )
 
 
-def cloud_ahead(
+def predict_from_cloud(
     cloud: OrbitCloud, site: Site, t_utc_ns: int, timing_sigma_s: float
 ) -> PredictedPosition | None:
     """Predict the mean place of the cloud's orbits at an instant; None where they scatter too far.
@@ -137,11 +135,11 @@ def cloud_ahead(
 def nearest_state(
     cloud: OrbitCloud, site: Site, streak: StreakEnds
 ) -> tuple[FloatArray, FloatArray]:
-    """State of the cloud's orbit that passes nearest to another streak.
+    """Return the state, at the cloud's epoch, of the orbit nearest to another streak.
 
-    Position (3,) and velocity (3,) at the cloud's epoch.
+    Position (3,) and velocity (3,).
     """
-    t = streak.t_utc_ns
+    t = streak.ends_utc_ns
     t_mid_ns = int(t[0] + (t[1] - t[0]) // 2)
     since_s = (t_mid_ns - cloud.epoch_utc_ns) / NS_PER_S
     r, v = propagate(cloud.r_km, cloud.v_km_s, np.full(len(cloud.weight), since_s))
@@ -261,10 +259,12 @@ def passes_above(
                 yield found
 
 
-def along_s_and_across_deg(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> tuple[float, float]:
-    """One sigma along the orbit in seconds, and across the path in degrees.
+def sigma_along_s_and_across_deg(
+    orbit: KnownOrbit, site: Site, t_utc_ns: int
+) -> tuple[float, float]:
+    """Return one sigma along the orbit in seconds, and across the path in degrees.
 
-    The latter as seen from the site.
+    The error across the path is as seen from the site.
     """
     since_s = (t_utc_ns - orbit.epoch_utc_ns) / NS_PER_S
     _, _, slopes = propagate_with_slopes(orbit.r_km, orbit.v_km_s, np.array([since_s]))
@@ -308,7 +308,7 @@ def _pass(
     if not len(up):
         return None
     top = int(np.argmax(altitude))
-    sigma_s, across_deg = along_s_and_across_deg(orbit, site, int(fine[top]))
+    sigma_s, across_deg = sigma_along_s_and_across_deg(orbit, site, int(fine[top]))
     return ExpectedPass(
         rise_utc_ns=int(fine[up[0]]),
         set_utc_ns=int(fine[up[-1]]),

@@ -1,8 +1,8 @@
 """Orbit fit of a low satellite through streaks: least squares on their ends. Pure.
 
-A timing error of the shutter moves both ends of a streak along the path alike: the rate is free of
-it, the place is not, so each streak's four numbers have one covariance. The common error of the
-clock is an unknown of its own; the others are those of `directions`. Forces enter by Encke's
+A timing error of the shutter shifts both ends of a streak along the path by the same amount: it
+changes the place, not the rate, so each streak's four numbers have one covariance. The common error
+of the clock is an unknown of its own; the others are those of `directions`. Forces enter by Encke's
 deviation from the motion about a point mass, as in `fit`. Where the streaks do not determine the
 eccentricity, a wide prior does (stated in the result). Source: Tapley, Schutz & Born 2004, 4.6, for
 errors that several measurements share.
@@ -20,7 +20,7 @@ from rsoconsole.orbits.first.directions import (
     State,
     reduce_directions,
 )
-from rsoconsole.orbits.motion.forces import Zonal
+from rsoconsole.orbits.motion.forces import ZonalPropagator
 from rsoconsole.orbits.motion.prediction import KnownOrbit
 from rsoconsole.orbits.motion.two_body import (
     MU_EARTH_KM3_S2,
@@ -46,8 +46,7 @@ class StreakEnds:
     """Right ascensions (2,) at opening and closing."""
     dec_icrs_deg: FloatArray
     sigma_along_arcsec: FloatArray
-    """One sigma (2,) of each end along the streak; ``UNSEEN_ARCSEC`` where it is not in the
-    frame."""
+    """One sigma (2,) of each end along the streak; ``UNSEEN_ARCSEC`` outside the frame."""
     sigma_across_arcsec: FloatArray
     delay_s: FloatArray = field(default_factory=lambda: np.zeros(2))
     """Delays (2,) of the exposure at each place's row after that at the frame's first row."""
@@ -63,11 +62,8 @@ class StreakEnds:
         return (self.t_open_utc_ns + self.t_close_utc_ns) // 2
 
     @property
-    def t_utc_ns(self) -> IntArray:
-        """Instants (2,) at which the object was at the two places.
-
-        With the delays of the places' rows.
-        """
+    def ends_utc_ns(self) -> IntArray:
+        """Instants (2,) of the object at the two ends, including the delays of their rows."""
         late_ns = np.rint(self.delay_s * NS_PER_S).astype(np.int64)
         return np.array([self.t_open_utc_ns, self.t_close_utc_ns]) + late_ns
 
@@ -84,7 +80,7 @@ class StreakEnds:
     @property
     def speed_arcsec_s(self) -> float:
         """Angular speed; valid where both ends are in the frame."""
-        return self.length_arcsec / (float(np.diff(self.t_utc_ns)[0]) / NS_PER_S)
+        return self.length_arcsec / (float(np.diff(self.ends_utc_ns)[0]) / NS_PER_S)
 
     @property
     def rate_arcsec_s(self) -> FloatArray:
@@ -94,7 +90,7 @@ class StreakEnds:
 
     @property
     def covariances_arcsec2(self) -> FloatArray:
-        """Covariances (2 ends, 2, 2), east and north."""
+        """Covariances (2, 2, 2), one (2, 2) matrix east and north for each end."""
         towards = np.radians(position_angle_deg(*self._first, *self._last))
         s, c = np.sin(towards), np.cos(towards)
         along, across = self.sigma_along_arcsec**2, self.sigma_across_arcsec**2
@@ -103,7 +99,7 @@ class StreakEnds:
         return np.stack(parts, axis=-1).reshape(2, 2, 2)
 
     def with_end_error(self, arcsec: float) -> "StreakEnds":
-        """Streak with a further error of each end, independent and equal in all directions."""
+        """Return the streak with an independent, isotropic error added to each end."""
         return replace(
             self,
             sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec),
@@ -111,7 +107,7 @@ class StreakEnds:
         )
 
     def with_length_error(self, arcsec: float) -> "StreakEnds":
-        """Streak with a further error of each end along the streak."""
+        """Return the streak with an error added to each end, along the streak."""
         return replace(self, sigma_along_arcsec=np.hypot(self.sigma_along_arcsec, arcsec))
 
     @property
@@ -135,9 +131,7 @@ SIGMA_E = 0.03
 _WELL_KNOWN = 0.3
 """Sigma of the eccentricity, as a share of ``SIGMA_E``, below which the prior is left out."""
 LEFT_OUT_KM_S2 = 5e-8
-"""One sigma of each component of the acceleration left out by `zonal.Zonal`: the Earth's
-unevenness along its equator, which pulls with up to 1.4e-7 at 400 km. Over a pass it stands for
-a steady pull."""
+"""One sigma of each component of the acceleration left out by `ZonalPropagator`, km/s2."""
 _NO_BIAS_S = 1e-9
 _MAX_STEPS = 25
 _STEADY = 1e-3
@@ -146,7 +140,7 @@ _NO_NUMBERS = np.linalg.LinAlgError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timing:
+class TimingErrors:
     """Errors of the times of frames, in seconds."""
 
     scatter_s: float
@@ -172,7 +166,7 @@ class LowOrbit(KnownOrbit):
 class _Problem:
     seen: MeasuredDirections
     view: LineOfSight
-    motion: Zonal
+    motion: ZonalPropagator
     whitening: FloatArray
     """Whitening matrix (4K, 4K) of the residuals."""
     sigma_e: float | None
@@ -230,22 +224,26 @@ class _Problem:
 
 
 def fit_streaks(
-    site: Site, streaks: Sequence[StreakEnds], start: State, t_start_utc_ns: int, timing: Timing
+    site: Site,
+    streaks: Sequence[StreakEnds],
+    start: State,
+    t_start_utc_ns: int,
+    timing: TimingErrors,
 ) -> LowOrbit | None:
-    """Fit an orbit to all streaks, each in its sense; None where no orbit is found.
+    """Fit an orbit to streaks with their ends in order of time; None where none is found.
 
-    ``start``: a state near the orbit, at ``t_start_utc_ns``. ``streaks``: at least two, in order of
-    time.
+    ``streaks``: at least two, in order of time. ``start``: a state near the orbit, at
+    ``t_start_utc_ns``.
     """
     seen = reduce_directions(
         site,
-        np.concatenate([each.t_utc_ns for each in streaks]),
+        np.concatenate([each.ends_utc_ns for each in streaks]),
         np.concatenate([each.ra_icrs_deg for each in streaks]),
         np.concatenate([each.dec_icrs_deg for each in streaks]),
         np.concatenate([each.covariances_arcsec2 for each in streaks])[:, [0, 0, 1], [0, 1, 1]],
     )
-    motion = Zonal(epoch_utc_ns=seen.epoch_utc_ns)
-    moved = Zonal(epoch_utc_ns=t_start_utc_ns).states(
+    motion = ZonalPropagator(epoch_utc_ns=seen.epoch_utc_ns)
+    moved = ZonalPropagator(epoch_utc_ns=t_start_utc_ns).states(
         *start, np.array([(seen.epoch_utc_ns - t_start_utc_ns) / NS_PER_S])
     )
     state = (moved[0][0], moved[1][0])
@@ -287,7 +285,7 @@ def _rates(problem: _Problem, unknowns: FloatArray) -> FloatArray:
 
 
 def _whitening(
-    problem: _Problem, unknowns: FloatArray, streaks: Sequence[StreakEnds], timing: Timing
+    problem: _Problem, unknowns: FloatArray, streaks: Sequence[StreakEnds], timing: TimingErrors
 ) -> FloatArray:
     """Whitening matrix (4K, 4K): all residuals to unit variances without correlation."""
     size = 4 * len(streaks)

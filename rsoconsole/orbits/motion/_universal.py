@@ -18,10 +18,10 @@ _HIGHER_SERIES_BELOW = 0.3
 _HIGHER_TERMS = 8
 
 
-def within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
-    """Time less whole periods, at most half a period either way.
+def reduce_to_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
+    """Reduce times by whole periods, to at most half a period either way.
 
-    On an open orbit the time itself.
+    Times on an open orbit are unchanged. ``alpha``: reciprocal of the semi-major axis.
     """
     period = 2.0 * np.pi / np.sqrt(mu * np.maximum(alpha, 0.0) ** 3)
     reduced = dt - period * np.rint(dt / period)
@@ -31,9 +31,10 @@ def within_period(dt: FloatArray, alpha: FloatArray, mu: float) -> FloatArray:
 def universal_anomaly(
     radius: FloatArray, sigma: FloatArray, alpha: FloatArray, h_2: FloatArray, time: FloatArray
 ) -> FloatArray:
-    """Solve for chi such that r u1 + sigma u2 + u3 = sqrt(mu) dt; all arrays (N,).
+    """Solve radius u1 + sigma u2 + u3 = time for the universal anomaly chi; all arrays (N,).
 
-    NaN where the iteration does not converge.
+    ``sigma``: r.v / sqrt(mu); ``alpha``: 1 / a; ``h_2``: squared angular momentum over mu;
+    ``time``: sqrt(mu) dt. NaN where the iteration does not converge.
     """
     found = _start(radius, sigma, alpha, h_2, time)
     open_ = np.flatnonzero(np.isfinite(found))
@@ -134,7 +135,7 @@ def _stumpff_by_series(z: FloatArray) -> tuple[FloatArray, FloatArray]:
     return c2 / 2.0, c3 / 6.0
 
 
-def higher_functions(chi: FloatArray, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
+def universal_functions_u4_u5(chi: FloatArray, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return Battin's universal functions U4 and U5, for the partial derivatives of a state.
 
     ``chi`` includes all whole revolutions.

@@ -38,7 +38,7 @@ class PredictedPosition:
         return float(np.sqrt(max(np.linalg.eigvalsh(self.covariance_arcsec2)[-1], 0.0)))
 
     @property
-    def along_arcsec2(self) -> float:
+    def variance_along_arcsec2(self) -> float:
         """Variance along the motion."""
         return float(self.along_across_arcsec2[0, 0])
 
@@ -55,7 +55,7 @@ class PredictedPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictedSkyPath:
-    """Predicted places at N instants in order, near enough for a cubic between two."""
+    """Predicted places at N instants in order, close enough for cubic interpolation."""
 
     t_utc_ns: IntArray
     lines: FloatArray
@@ -119,7 +119,7 @@ def _combined(by: _Four, values: _Four) -> float:
     return by[0] * values[0] + by[1] * values[1] + by[2] * values[2] + by[3] * values[3]
 
 
-def path_of(places: list[PredictedPosition]) -> PredictedSkyPath:
+def sky_path_through(places: list[PredictedPosition]) -> PredictedSkyPath:
     """Make a path through predicted places, at least two, in order of time."""
     ra, dec = (np.array([each.direction_deg[n] for each in places]) for n in (0, 1))
     lines = direction_to_unit(ra, dec)

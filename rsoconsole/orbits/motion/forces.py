@@ -1,12 +1,12 @@
-"""Motion about the real Earth: zonal harmonics, Moon, Sun, and sunlight's push. Pure.
+"""Motion about the real Earth: zonal harmonics, Moon, Sun, and radiation pressure. Pure.
 
 Predictions beyond an hour need these forces: about a point mass a geostationary satellite is 3
 arcsec off after four hours and minutes of arc after a day. Source of the forces: Montenbruck & Gill
-2000, Satellite Orbits, 3.2 to 3.4; zonal coefficients of EGM96, the sectorial pair that moves
-geostationary satellites too; Sun and Moon by IAU SOFA. Integrated by Dormand and Prince's eighth
+2000, Satellite Orbits, 3.2 to 3.4; zonal coefficients of EGM96, with the sectorial pair that also
+moves geostationary satellites; Sun and Moon by IAU SOFA. Integrated by Dormand and Prince's eighth
 order (scipy's DOP853). Kilometres, seconds, along GCRS axes.
 
-The sums are of plain floats: for three numbers at a time numpy takes five times as long.
+The sums use plain floats: for three numbers at a time numpy takes five times as long.
 """
 
 from collections.abc import Sequence
@@ -44,20 +44,19 @@ _KNOT_S = 3600
 _BLOCK_S = 6 * _KNOT_S
 _TOLERANCE = 1e-10
 _FIRST_STEP = 0.1
-"""First step, as a share of a radian of a circular orbit; scipy's own guess takes three steps to
-grow as long."""
+"""First step, as a share of the time of one radian of a circular orbit."""
 _NEAR_SHADOW_KM_2 = (1.2 * EARTH_RADIUS_KM) ** 2
 
 Vector = tuple[float, float, float]
 
 
-class Motion(Protocol):
-    """A propagator: carries a state through time."""
+class Propagator(Protocol):
+    """Interface of a propagator of states through time."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,)."""
+        """Propagate a state (3,), (3,) by times (N,), s; return positions and velocities (N, 3)."""
         ...
 
 
@@ -66,7 +65,6 @@ class PerturbedPropagator:
     """Propagation with zonal harmonics, Moon, Sun and radiation pressure."""
 
     epoch_utc_ns: int
-    """Epoch, from which the times of `states` are counted."""
     area_to_mass_m2_kg: float = AREA_TO_MASS_M2_KG
     """Area over mass times the reflectivity; 0: no radiation pressure."""
     _fields: list["_Field"] = field(default_factory=list, repr=False, compare=False)
@@ -74,7 +72,7 @@ class PerturbedPropagator:
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,).
+        """Propagate a state (3,), (3,) by times (N,), s; return positions and velocities (N, 3).
 
         NaN where the object has decayed.
         """
@@ -173,7 +171,8 @@ class _Field:
 
     def _earth(self, r: Vector, t_s: float) -> Vector:
         """Acceleration by the Earth: the point mass, J2 to J4 about the axis, and degree and order
-        2 along the equator."""
+        2 along the equator.
+        """
         d2 = _dot(r, r)
         d = sqrt(d2)
         pole = self._pole
@@ -265,8 +264,7 @@ _come_down.terminal = True  # type: ignore[attr-defined]
 
 
 STEP_S = 20.0
-"""Step of the zonal integration, whose error is a tenth of a millimetre at 400 km, and between two
-steps some."""
+"""Step of the zonal integration, s; its error is a tenth of a millimetre at 400 km."""
 _State = tuple[float, float, float, float, float, float]
 
 
@@ -278,16 +276,15 @@ def _pole(day: int) -> Vector:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Zonal:
-    """Propagation (a `forces.Motion`) by the Earth's gravity alone, symmetric about its axis."""
+class ZonalPropagator:
+    """Propagator with the Earth's gravity alone, symmetric about its axis."""
 
     epoch_utc_ns: int
-    """Epoch, from which the times of `states` are counted."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,).
+        """Propagate a state (3,), (3,) by times (N,), s; return positions and velocities (N, 3).
 
         NaN where the object has decayed.
         """

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.orbits.motion.forces import Motion, PerturbedPropagator
+from rsoconsole.orbits.motion.forces import PerturbedPropagator, Propagator
 from rsoconsole.orbits.motion.two_body import propagate, propagate_with_slopes
 from rsoconsole.records import FloatArray, OrbitEstimate, Site
 from rsoconsole.sky import (
     ARCSEC_RAD,
     IntArray,
-    Places,
+    SkyPlaces,
     astrometric_places,
     east_and_north,
     unit_to_direction,
@@ -29,8 +29,7 @@ class KnownOrbit:
     v_km_s: FloatArray
     covariance: FloatArray
     """Covariance (6, 6), km and km/s."""
-    forces: Motion
-    """Propagator of the state, with the forces."""
+    forces: Propagator
 
     def states(self, t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
         """GCRS positions and velocities (N, 3) at instants (N,): km, km/s."""
@@ -50,20 +49,18 @@ def orbit_from_record(estimate: OrbitEstimate) -> KnownOrbit:
 
 
 _ENDS = 3.0**0.5
-"""Distance in sigmas at which two points give a normal error's second order (Julier & Uhlmann
-2004)."""
+"""Sigmas at which two points give a normal error's second order (Julier & Uhlmann 2004)."""
 _MOMENT_S = 5
 """Time within which the slopes of a place change in proportion to time."""
 _TAIL = 0.5
-"""Factor on the squared bend: a third gives the variance of a squared error, whose tails are longer
-than a normal error's."""
+"""Factor on the squared bend: a third is a squared error's variance, the rest for its tails."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prediction:
     """Predicted places at N instants, as a plate solution would measure them."""
 
-    places: Places
+    places: SkyPlaces
     cov_sky_arcsec2: FloatArray
     """Covariances (N, 3): east-east, east-north, north-north."""
 
@@ -112,7 +109,7 @@ class SkyMotion:
 
 
 def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | None:
-    """Predict place, rates and their covariance, to restart a filter.
+    """Predict place, rates and their covariance, from which a filter can restart.
 
     None where nothing can be predicted.
     """
@@ -138,7 +135,7 @@ def predict_motion(orbit: KnownOrbit, site: Site, t_utc_ns: int) -> SkyMotion | 
     )
 
 
-def _carried(orbit: KnownOrbit, places: Places) -> tuple[FloatArray, FloatArray]:
+def _carried(orbit: KnownOrbit, places: SkyPlaces) -> tuple[FloatArray, FloatArray]:
     """Positions (N, 3) km by the two-body motion, and the slopes (N, 2, 6) of the places.
 
     East and north in arcsec, by the state at the epoch.
@@ -151,7 +148,7 @@ def _carried(orbit: KnownOrbit, places: Places) -> tuple[FloatArray, FloatArray]
 
 def _bend_arcsec(
     orbit: KnownOrbit,
-    places: Places,
+    places: SkyPlaces,
     since_s: FloatArray,
     linear: tuple[FloatArray, FloatArray, FloatArray],
 ) -> FloatArray:

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.orbits.motion._universal import (
-    higher_functions,
+    reduce_to_period,
     universal_anomaly,
     universal_functions,
-    within_period,
+    universal_functions_u4_u5,
 )
 from rsoconsole.records import FloatArray
 
@@ -40,9 +40,10 @@ class Elements:
 def propagate(
     r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, dt_s: npt.ArrayLike, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[FloatArray, FloatArray]:
-    """Propagate states (..., 3) by ``dt_s`` (...) to position and velocity (..., 3); all broadcast.
+    """Propagate states by ``dt_s`` along any conic; return positions and velocities.
 
-    Any conic, forwards and backwards. NaN where there is no numerical solution.
+    ``r_km``, ``v_km_s`` (..., 3), ``dt_s`` (...), of any sign; all broadcast. NaN where there is no
+    numerical solution.
     """
     with np.errstate(all="ignore"):
         moved = _moved(r_km, v_km_s, dt_s, mu)
@@ -52,16 +53,16 @@ def propagate(
 def propagate_with_slopes(
     r_km: FloatArray, v_km_s: FloatArray, dt_s: FloatArray, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Positions, velocities (N, 3) and slopes (N, 3, 6) of one state (3,), (3,) at times (N,).
+    """Propagate one state (3,), (3,) to times (N,); return positions, velocities and slopes.
 
-    Slopes: of the later position by the first position and velocity, exact however many
-    revolutions lie between.
+    Slopes (N, 3, 6): derivatives of the position by the first position and velocity, exact after
+    any number of revolutions. Positions and velocities (N, 3).
     """
     with np.errstate(all="ignore"):
         moved = _moved(r_km, v_km_s, dt_s, mu)
         whole = np.where(moved.alpha > 0.0, dt_s - moved.dt_s, 0.0)  # seconds of revolutions
         chi = moved.chi + whole * np.sqrt(mu) * np.maximum(moved.alpha, 0.0)
-        u4, u5 = higher_functions(chi, moved.alpha)
+        u4, u5 = universal_functions_u4_u5(chi, moved.alpha)
         root = np.sqrt(mu)
         c = (3.0 * u5 - chi * u4) / root - dt_s * moved.u2
         r0, v0, radius = moved.r0_km, moved.v0_km_s, moved.radius
@@ -101,7 +102,7 @@ def _moved(r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, dt_s: npt.ArrayLike, mu: 
     radius = np.sqrt(distance_2)
     sigma, alpha = along / np.sqrt(mu), 2.0 / radius - speed_2 / mu
     h_2 = (distance_2 * speed_2 - along * along) / mu
-    dt = within_period(np.asarray(dt_s, float), alpha, mu)
+    dt = reduce_to_period(np.asarray(dt_s, float), alpha, mu)
     radius, sigma, alpha, h_2, dt = np.broadcast_arrays(radius, sigma, alpha, h_2, dt)
     flat = (each.ravel() for each in (radius, sigma, alpha, h_2, dt * np.sqrt(mu)))
     chi = universal_anomaly(*flat).reshape(radius.shape)
@@ -131,7 +132,7 @@ def _outer(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(one[..., :, None] * other[..., None, :])
 
 
-def elements_of(
+def osculating_elements(
     r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, mu: float = MU_EARTH_KM3_S2
 ) -> Elements:
     """Compute osculating elements of one state, on the axes of the state."""
@@ -161,7 +162,7 @@ def elements_of(
 def axis_and_inclination(
     r_km: npt.ArrayLike, v_km_s: npt.ArrayLike, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[float, float]:
-    """Semi-major axis (km) and inclination (degrees) alone, quicker than by ``elements_of``."""
+    """Semi-major axis (km) and inclination (degrees), quicker than by ``osculating_elements``."""
     r, v = np.asarray(r_km, float), np.asarray(v_km_s, float)
     axis_km = _axis_km(float(np.linalg.norm(r)), v, mu)
     return axis_km, _inclination_deg(_cross_of_one(r, v))
@@ -189,7 +190,9 @@ def eccentricity_vector(
 def semi_major_axis(
     r: FloatArray, v: FloatArray, mu: float = MU_EARTH_KM3_S2
 ) -> tuple[float, FloatArray]:
-    """Semi-major axis in km, and its slopes (6,) by the state."""
+    """Return the semi-major axis, km, and its gradient (6,) with respect to position, km, and
+    velocity, km/s.
+    """
     radius = float(np.sqrt(r @ r))
     a_km = 1.0 / (2.0 / radius - float(v @ v) / mu)
     return a_km, 2.0 * a_km * a_km * np.concatenate([r / radius**3, v / mu])
@@ -223,7 +226,7 @@ def dot(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def cross(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Cross products (..., 3), in a third of the time that numpy's own takes for few vectors."""
+    """Return cross products (..., 3), for few vectors in a third of numpy's time."""
     ax, ay, az = one[..., 0], one[..., 1], one[..., 2]
     bx, by, bz = other[..., 0], other[..., 1], other[..., 2]
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
@@ -231,17 +234,18 @@ def cross(one: FloatArray, other: FloatArray) -> FloatArray:
 
 def _cross_of_one(one: FloatArray, other: FloatArray) -> FloatArray:
     """Cross product (3,) of two vectors (3,): plain floats, because numpy takes ten times as
-    long."""
+    long.
+    """
     (ax, ay, az), (bx, by, bz) = one.tolist(), other.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoBodyPropagator:
-    """Propagation (a `forces.Motion`) about the Earth as a point mass."""
+    """Propagator about the Earth as a point mass."""
 
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (N, 3) at times (N,) since the epoch of a state (3,), (3,)."""
+        """Propagate a state (3,), (3,) by times (N,), s; return positions and velocities (N, 3)."""
         return propagate(r_km, v_km_s, np.atleast_1d(np.asarray(t_s, float)))

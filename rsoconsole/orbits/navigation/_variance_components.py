@@ -27,16 +27,16 @@ class Block:
     x: FloatArray
     """Slopes (N, unknowns) of the measurements by the unknowns."""
     parts: Mapping[int, FloatArray]
-    """Contributions (N, N) to their covariance, by number of a variance; a missing one contributes
-    nothing."""
+    """Contributions (N, N) to their covariance, by number of a variance; a missing one is zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Known:
+class PriorKnowledge:
     """Prior knowledge of the unknowns and of the variances.
 
-    The unknowns have mean 0 and these precisions. Each variance has a starting value (``start``), a
-    lower bound (``least``), and a Gaussian prior (``means``, ``sigmas``; sigma infinite: no prior).
+    The unknowns have a prior with mean 0 and ``precisions``. Each variance has a starting value
+    (``start``), a lower bound (``least``), and a Gaussian prior (``means``, ``sigmas``; an infinite
+    sigma: no prior).
     """
 
     precisions: FloatArray
@@ -45,12 +45,11 @@ class Known:
     means: FloatArray
     sigmas: FloatArray
     is_widened: FloatArray
-    """Mask, 1 where the unknowns' errors count one sigma more of a variance that few measurements
-    determine."""
+    """Mask, 1 where errors count one sigma more of a variance that few measurements determine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
+class VarianceFit:
     """Most likely unknowns and variances, found together."""
 
     unknowns: FloatArray
@@ -58,11 +57,10 @@ class Fit:
     variances: FloatArray
     variance_sigmas: FloatArray
     covariance_by_blocks: FloatArray | None
-    """Covariance by how the blocks differ from one another, whatever their own errors (the
-    jackknife: Efron 1982); None where they are too few."""
+    """Covariance by how the blocks differ (jackknife: Efron 1982); None where they are too few."""
 
 
-def fit(blocks: Sequence[Block], known: Known) -> Fit:
+def fit_variances(blocks: Sequence[Block], known: PriorKnowledge) -> VarianceFit:
     """Find the most likely unknowns and variances together."""
     belief = known.sigmas**-2.0
     variances = known.start
@@ -80,7 +78,7 @@ def fit(blocks: Sequence[Block], known: Known) -> Fit:
     sigmas = np.sqrt(np.diag(np.linalg.inv(information + np.diag(belief))))
     wide = variances + known.is_widened * sigmas
     _, covariance, _, _ = _scored(blocks, wide, known.precisions)
-    return Fit(
+    return VarianceFit(
         unknowns=unknowns,
         covariance=covariance,
         variances=variances,

@@ -16,7 +16,7 @@ from rsoconsole.orbits.navigation.sp3 import (
     EARTH_RAD_S,
     GPS_MINUS_BDT_S,
     NavigationFile,
-    navigation_file,
+    make_navigation_file,
 )
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray
@@ -97,12 +97,11 @@ class BroadcastOrbit:
     """Orbit of one satellite by its broadcast messages."""
 
     messages: tuple[Ephemeris, ...]
-    """Messages in order of ``toe``."""
 
-    def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Positions as in ``navigation.EarthFixedOrbit``, by the message nearest in time.
+    def states_earth_fixed(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities as ``EarthFixedOrbit``, by the nearest message.
 
-        NaN farther than `LONGEST_AGE_S` from every message.
+        NaN where every message is more than `LONGEST_AGE_S` away in time.
         """
         t = np.atleast_1d(np.asarray(t_gps_ns, np.int64))
         toe = np.array([each.toe_gps_ns for each in self.messages], np.int64)
@@ -122,8 +121,8 @@ class BroadcastOrbit:
 def parse_rinex_nav(texts: dict[str, str]) -> NavigationFile:
     """Read RINEX texts, keyed by file name, as one set of orbits.
 
-    Raises OrbitError naming file and line for any other kind of file, and for damage. A last
-    message that breaks off (the file was still being written) is left out.
+    An incomplete last message (the file was still being written) is left out. Raises OrbitError,
+    naming file and line, for another kind of file or a damaged one.
     """
     found: dict[str, dict[int, Ephemeris]] = defaultdict(dict)
     skipped: Counter[str] = Counter()
@@ -143,7 +142,7 @@ def parse_rinex_nav(texts: dict[str, str]) -> NavigationFile:
     first = min(each.messages[0].toe_gps_ns for each in orbits.values())
     last = max(each.messages[-1].toe_gps_ns for each in orbits.values())
     reach = round(LONGEST_AGE_S) * NS_PER_S
-    return navigation_file("broadcast", orbits, (first - reach, last + reach), skipped)
+    return make_navigation_file("broadcast", orbits, (first - reach, last + reach), skipped)
 
 
 def _messages(text: str, source: str, skipped: Counter[str]) -> Iterator[tuple[str, Ephemeris]]:

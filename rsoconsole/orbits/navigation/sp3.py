@@ -19,8 +19,8 @@ from rsoconsole.base import OrbitError
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     IntArray,
-    Places,
     PositionOf,
+    SkyPlaces,
     TimeLike,
     astrometric_places,
     itrf_to_gcrs_rotation,
@@ -34,18 +34,18 @@ TAI_MINUS_GPS_S = 19
 Kind = Literal["broadcast", "sp3", "tle"]
 
 SIGMA_KM: Mapping[Kind, float] = {"broadcast": 0.002, "sp3": 0.0005, "tle": 1.0}
-"""One sigma of a place across the line of sight, stated: metres for broadcast ephemerides and the
-satellite's middle against its antenna, a kilometre for elements."""
+"""One sigma of a place across the line of sight, km, by kind of source; stated."""
 SYSTEMS = {"G": "GPS", "E": "Galileo", "C": "BeiDou", "J": "QZSS", "R": "GLONASS"}
 
 
 class EarthFixedOrbit(Protocol):
     """Interface of one satellite's orbit, whatever the kind of file."""
 
-    def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Positions and velocities (N, 3), km and km/s, both along Earth-fixed axes.
+    def states_earth_fixed(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities (N, 3), km and km/s, along Earth-fixed axes.
 
-        The velocity is relative to axes that do not turn. NaN outside the time span of the file.
+        The velocity is that relative to non-rotating axes. NaN outside the time span of the
+        file.
         """
         ...
 
@@ -66,7 +66,7 @@ class NavigationSatellite:
         """Assumed error of its place across the line of sight, one sigma."""
         return SIGMA_KM[self.kind]
 
-    def places(self, site: Site, t_utc_ns: IntArray) -> Places:
+    def places(self, site: Site, t_utc_ns: IntArray) -> SkyPlaces:
         """Places at instants, seen from a site, as a plate solution measures them."""
         return astrometric_places(self.position_gcrs, site, t_utc_ns)
 
@@ -80,7 +80,6 @@ class NavigationFile:
     first_utc_ns: int
     last_utc_ns: int
     skipped: Mapping[str, int]
-    """Number of records not used, by reason."""
 
 
 def gps_ns_of_utc(t_utc_ns: TimeLike) -> IntArray:
@@ -96,11 +95,11 @@ def utc_ns_of_gps(t_gps_ns: TimeLike) -> IntArray:
     return np.asarray(t - (gps_ns_of_utc(guess) - guess))
 
 
-def satellite(name: str, kind: Kind, orbit: EarthFixedOrbit) -> NavigationSatellite:
+def make_satellite(name: str, kind: Kind, orbit: EarthFixedOrbit) -> NavigationSatellite:
     """Make a satellite from its orbit along Earth-fixed axes."""
 
     def position_gcrs(t_utc_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        r, v = orbit.position(gps_ns_of_utc(t_utc_ns))
+        r, v = orbit.states_earth_fixed(gps_ns_of_utc(t_utc_ns))
         rotation = itrf_to_gcrs_rotation(t_utc_ns)
         return (
             np.asarray(np.einsum("...ij,...j->...i", rotation, r)),
@@ -110,7 +109,7 @@ def satellite(name: str, kind: Kind, orbit: EarthFixedOrbit) -> NavigationSatell
     return NavigationSatellite(name=name, kind=kind, position_gcrs=position_gcrs)
 
 
-def navigation_file(
+def make_navigation_file(
     kind: Kind,
     orbits: Mapping[str, EarthFixedOrbit],
     reach_gps_ns: tuple[int, int],
@@ -120,7 +119,7 @@ def navigation_file(
     first, last = utc_ns_of_gps(np.array(reach_gps_ns)).tolist()
     return NavigationFile(
         kind=kind,
-        satellites=tuple(satellite(name, kind, orbit) for name, orbit in orbits.items()),
+        satellites=tuple(make_satellite(name, kind, orbit) for name, orbit in orbits.items()),
         first_utc_ns=first,
         last_utc_ns=last,
         skipped=skipped,
@@ -157,10 +156,10 @@ class SampledOrbit:
     r_km: FloatArray
     """Positions (M, 3), Earth-fixed."""
 
-    def position(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Positions as in ``navigation.EarthFixedOrbit``, by interpolation.
+    def states_earth_fixed(self, t_gps_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities as ``EarthFixedOrbit``, by interpolation.
 
-        NaN outside the epochs and in a gap between them.
+        NaN outside the epochs of the file and in a gap between them.
         """
         t = np.atleast_1d(np.asarray(t_gps_ns, np.int64))
         nodes, is_known = self._nodes(t)
@@ -201,9 +200,9 @@ def _weights(since_s: FloatArray, at_s: float) -> FloatArray:
 
 
 def parse_sp3(texts: dict[str, str]) -> NavigationFile:
-    """Read SP3 texts, keyed by file name, as one: several days are one arc.
+    """Read SP3 texts, keyed by file name, as one set of orbits; successive days are joined.
 
-    Raises OrbitError naming file and line for any other format than SP3-c or SP3-d, and for damage.
+    Raises OrbitError, naming file and line, for another format than SP3-c or SP3-d, or damage.
     """
     samples: dict[str, dict[int, tuple[float, float, float]]] = defaultdict(dict)
     skipped: Counter[str] = Counter()
@@ -222,7 +221,7 @@ def parse_sp3(texts: dict[str, str]) -> NavigationFile:
         )
     first = min(int(each.t_gps_ns[0]) for each in orbits.values())
     last = max(int(each.t_gps_ns[-1]) for each in orbits.values())
-    return navigation_file("sp3", orbits, (first, last), skipped)
+    return make_navigation_file("sp3", orbits, (first, last), skipped)
 
 
 def _read(

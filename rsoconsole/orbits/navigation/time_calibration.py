@@ -1,17 +1,17 @@
 """Timing of a shutter, from satellites with precisely known orbits. Pure.
 
-A satellite seen d arcsec ahead of its place along its motion was seen d / rate late. Each measured
-direction minus its orbit, at the instant that the frame's header names, is
+A satellite seen d arcsec ahead of its place along its motion was seen d / rate late. The offset of
+a measured direction from the orbit, at the mid-exposure in the frame's header, is
 
-rate x (bias + scatter of the frame + row x line time) + drift of the night
-+ place of the track + the measurement's own error,
+rate x (bias + scatter of the frame + row x line time) + drift of the night + offset of the track +
+the measurement's own error,
 
-where drift is the common error of all catalogue stars of a night, and the place of a track the
+where drift is the common error of all catalogue stars of a night, and the offset of a track the
 error of one orbit and its field's stars. Satellites that move in several directions separate drift
 from time. Four kinds of errors have variances found with the unknowns (``_variance_components``):
-the scatter, the places, the scale of the measurements' own errors, and errors of streak ends beyond
-their sigmas. Wind moves the two ends of a streak differently and so changes its length; the shutter
-moves a streak as a whole: so the lengths separate the two.
+the scatter, the tracks' offsets, the scale of the measurements' own errors, and errors of streak
+ends beyond their sigmas. Wind shifts the two ends of a streak differently and changes its length,
+the shutter shifts both alike: so the lengths separate the two.
 """
 
 import math
@@ -22,15 +22,19 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.base import OrbitError
-from rsoconsole.orbits.navigation._variance_components import Block, Fit, Known, fit
+from rsoconsole.orbits.navigation._variance_components import (
+    Block,
+    PriorKnowledge,
+    VarianceFit,
+    fit_variances,
+)
 from rsoconsole.records import FloatArray
 
 Index = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 DRIFT_PRIOR_ARCSEC = 0.5
-"""One sigma of the common error of all stars of a night, stated: proper motions that are old or not
-known."""
+"""One sigma of the common error of all stars of a night, arcsec, stated."""
 LINE_TIME_PRIOR_S = 300e-6
 """Prior sigma of the line time: no camera reads a row in a millisecond."""
 LINE_TIME_KNOWN_S = 10e-6
@@ -42,13 +46,10 @@ PLACE_WIDTH = 2.0
 SCALE_PRIOR = 0.5
 """Width of the prior on the scale of the measurements' own errors."""
 MIN_MEASUREMENTS = 6
-"""Least number of measurements with which a camera mode is calibrated."""
 _TOO_FAR = 13.8
-"""Largest squared distance of a measurement with two degrees of freedom: one good one in a thousand
-is farther."""
+"""Largest squared distance, two degrees of freedom; one good measurement in 1000 is farther."""
 _TAILS, _AS_GAUSSIAN = 4.0, 7.2
-"""Degrees of freedom of Student's tails, and the divisor of these plus the squared distance that
-gives the factor on the variances: errors without tails keep theirs."""
+"""Student's degrees of freedom; factor on variances: (first + squared distance) / second."""
 _ROUNDS = 10
 _ROUGHLY = 4.5 * 1.4826
 """Gate as a multiple of the median deviation: 4.5 sigma."""
@@ -90,15 +91,15 @@ class TimedDirections:
     """Factor on the variances of a direction that lies far off; set by the adjustment."""
 
     @property
-    def ahead(self) -> FloatArray:
+    def along_track_unit(self) -> FloatArray:
         """Unit vectors (N, 2) along the satellites' motion."""
         return np.asarray(self.rate_arcsec_s / np.hypot(*self.rate_arcsec_s.T)[:, None])
 
     def __len__(self) -> int:
         return len(self.row_px)
 
-    def of(self, chosen: Mask) -> "TimedDirections":
-        """The chosen directions."""
+    def subset(self, chosen: Mask) -> "TimedDirections":
+        """Return the directions selected by a mask."""
         return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
@@ -120,8 +121,7 @@ class ShutterTiming:
     """Timing scatter from frame to frame, one sigma."""
     line_time_s: Estimate
     is_line_time_found: bool
-    """True where the line time was found; if not, it is the configured one, and the bias holds with
-    that alone."""
+    """True where the line time was found; else the bias holds with the configured one alone."""
     middle_row_px: float
     bias_at_middle_s: Estimate
     """Bias at the row ``middle_row_px``, at which it is known best."""
@@ -144,17 +144,15 @@ class TimeCalibration:
     is_separated: tuple[bool, ...]
     """True for each night whose satellites separate drift from time; if False, the prior does."""
     place_arcsec: float
-    """One sigma of a track's own offset."""
     error_scale: float
-    """Factor on the measurements' own sigmas."""
     is_used: tuple[bool, ...]
-    """True for each direction that fits and is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Before:
     """Prior knowledge: (value, sigma) of each mode's line time, and one sigma of a track's own
-    offset."""
+    offset.
+    """
 
     modes: int
     nights: int
@@ -167,7 +165,7 @@ class _Before:
         return 2 * self.modes + 2 * self.nights
 
 
-def calibrate(
+def calibrate_timing(
     seen: TimedDirections,
     *,
     modes: int,
@@ -177,8 +175,8 @@ def calibrate(
 ) -> TimeCalibration:
     """Calibrate bias, scatter and line time of each mode, and the drift of each night.
 
-    ``modes``, ``nights``: how many there are. ``line_time_s``: the configured line time of each
-    mode, used where it cannot be found. ``place_arcsec``: accuracy of the orbits, one sigma. Raises
+    ``modes``, ``nights``: their numbers. ``line_time_s``: configured line time of each mode, used
+    where it cannot be found. ``place_arcsec``: one sigma of a track's offset by its orbit. Raises
     OrbitError where no mode has enough measurements.
     """
     counts = [int(np.sum(seen.mode == mode)) for mode in range(modes)]
@@ -204,9 +202,12 @@ def calibrate(
     return _calibration(seen, is_used, found, before)
 
 
-def _lines(fit: Fit, modes: int, configured_s: Sequence[float]) -> tuple[tuple[float, float], ...]:
+def _lines(
+    fit: VarianceFit, modes: int, configured_s: Sequence[float]
+) -> tuple[tuple[float, float], ...]:
     """Prior (value, sigma) of each line time: open where it was found, fixed as configured
-    elsewhere."""
+    elsewhere.
+    """
     sigma = np.sqrt(np.diag(fit.covariance))[modes : 2 * modes]
     return tuple(
         (0.0, LINE_TIME_PRIOR_S) if sigma[mode] <= LINE_TIME_KNOWN_S else (configured_s[mode], 1e-9)
@@ -230,10 +231,10 @@ def _roughly(seen: TimedDirections, modes: int) -> Mask:
     return good
 
 
-def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit, Mask]:
+def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[VarianceFit, Mask]:
     """Fit, leave out misfits, down-weight doubtful ones, and repeat."""
     could = is_used.copy()
-    fit = _fit(seen.of(is_used), before)
+    fit = _fit(seen.subset(is_used), before)
     for _ in range(_ROUNDS):
         far = _distance(seen, fit, before)
         again = could & (far <= _TOO_FAR)
@@ -242,13 +243,13 @@ def _rounds(seen: TimedDirections, is_used: Mask, before: _Before) -> tuple[Fit,
         is_same, is_used = np.array_equal(again, is_used), again
         # Gusts give errors the tails of Student's distribution (Lange, Little & Taylor 1989).
         less = np.maximum(1.0, (_TAILS + far) / _AS_GAUSSIAN)
-        fit = _fit(replace(seen, tail=less).of(is_used), before)
+        fit = _fit(replace(seen, tail=less).subset(is_used), before)
         if is_same:
             break
     return fit, is_used
 
 
-def _distance(seen: TimedDirections, fit: Fit, before: _Before) -> FloatArray:
+def _distance(seen: TimedDirections, fit: VarianceFit, before: _Before) -> FloatArray:
     """Squared distances (N,) of each direction from the fit, in its own sigmas."""
     z, x = _rows(seen, before)
     off = z - np.einsum("nij,j->ni", x, fit.unknowns)
@@ -258,7 +259,12 @@ def _distance(seen: TimedDirections, fit: Fit, before: _Before) -> FloatArray:
     speed_2 = np.sum(seen.rate_arcsec_s**2, axis=1)
     ends = ends * seen.is_by_ends
     along = ends + scatter * speed_2
-    own = own + along[:, None, None] * seen.ahead[:, :, None] * seen.ahead[:, None, :]
+    own = (
+        own
+        + along[:, None, None]
+        * seen.along_track_unit[:, :, None]
+        * seen.along_track_unit[:, None, :]
+    )
     far = np.einsum("ni,nij,nj->n", off, np.linalg.inv(own), off)
     long = scale * seen.length_sigma_arcsec**2 + 4.0 * ends
     return np.asarray(np.fmax(far, seen.length_off_arcsec**2 / long))
@@ -282,7 +288,7 @@ def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
     z, x = _rows(seen, before)
     for members in _connected(seen.frame, seen.track):
         chosen = np.sort(members)
-        part = seen.of(np.isin(np.arange(len(seen)), chosen))
+        part = seen.subset(np.isin(np.arange(len(seen)), chosen))
         measured = np.flatnonzero(np.isfinite(part.length_off_arcsec))
         n, lengths = 2 * len(part), len(measured)
         of_ends = {int(mode): 2 + int(mode) for mode in np.unique(part.mode)}
@@ -292,7 +298,7 @@ def _blocks(seen: TimedDirections, before: _Before) -> Iterator[Block]:
         rate = (part.rate_arcsec_s * np.sqrt(part.tail)[:, None]).ravel()
         same_frame = np.kron(part.frame[:, None] == part.frame, np.ones((2, 2)))
         parts[1][:n, :n] = np.kron(part.track[:, None] == part.track, np.eye(2))
-        for k, ahead in enumerate(part.ahead):
+        for k, ahead in enumerate(part.along_track_unit):
             two = slice(2 * k, 2 * k + 2)
             parts[0][two, two] = part.covariance_arcsec2[k] * part.tail[k]
             if part.is_by_ends[k]:
@@ -325,7 +331,7 @@ def _connected(frame: Index, track: Index) -> Iterator[Index]:
         yield np.flatnonzero(group == each)
 
 
-def _fit(seen: TimedDirections, before: _Before) -> Fit:
+def _fit(seen: TimedDirections, before: _Before) -> VarianceFit:
     modes = before.modes
     has_ends = np.array(
         [
@@ -336,7 +342,7 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
     )
     place = before.place_arcsec**2
     scatter = np.full(modes, 0.02**2)
-    known = Known(
+    known = PriorKnowledge(
         precisions=np.concatenate(
             [
                 np.full(modes, 1e-6),
@@ -358,11 +364,11 @@ def _fit(seen: TimedDirections, before: _Before) -> Fit:
         ),
         is_widened=np.concatenate([[0.0, 1.0], np.zeros(2 * modes)]),
     )
-    return fit(list(_blocks(seen, before)), known)
+    return fit_variances(list(_blocks(seen, before)), known)
 
 
 def _calibration(
-    seen: TimedDirections, is_used: Mask, fit: Fit, before: _Before
+    seen: TimedDirections, is_used: Mask, fit: VarianceFit, before: _Before
 ) -> TimeCalibration:
     nights, drift = before.nights, 2 * before.modes
     found = tuple(_mode(seen, is_used, fit, mode, before) for mode in range(before.modes))
@@ -389,7 +395,7 @@ def _calibration(
 
 
 def _mode(
-    seen: TimedDirections, is_used: Mask, fit: Fit, mode: int, before: _Before
+    seen: TimedDirections, is_used: Mask, fit: VarianceFit, mode: int, before: _Before
 ) -> ShutterTiming | None:
     line, scatter = before.lines[mode], 2 + before.modes + mode
     taken = is_used & (seen.mode == mode)
@@ -421,9 +427,10 @@ def _mode(
     )
 
 
-def _larger(fit: Fit, at: Index) -> FloatArray:
+def _larger(fit: VarianceFit, at: Index) -> FloatArray:
     """Covariance of a mode's unknowns: by their errors, or by how tracks differ, if that is
-    larger."""
+    larger.
+    """
     stated = fit.covariance[np.ix_(at, at)]
     if fit.covariance_by_blocks is None:
         return stated

@@ -7,14 +7,14 @@ from rsoconsole.config import AimConfig, FilterConfig, MountConfig, SearchConfig
 from rsoconsole.records import Site, SlewCommand, SlewRefusal, TrackState
 from rsoconsole.sky import (
     PierSide,
-    belt_declination_deg,
+    geo_belt_declination_deg,
+    geo_slot_direction_deg,
     hour_angle_icrs_deg,
     hour_angle_jnow_deg,
     icrs_of_hour_angle,
     icrs_to_jnow,
     pier_side,
     separation_deg,
-    slot_direction,
     wrap_360,
 )
 from rsoconsole.tracking import direction_icrs_deg, predict, sky_rate_arcsec_s
@@ -42,11 +42,10 @@ class SearchBase:
 def search_base(
     search: SearchConfig, site: Site, ra_icrs_deg: float, dec_icrs_deg: float, t_utc_ns: int
 ) -> SearchBase:
-    """Return the configured base of a search, completed by the given direction (ICRS, degrees).
+    """Return the configured base of a search; missing values are those of the given direction.
 
-    An hour angle that is not configured is that of the given direction, and so is the declination
-    with pattern ``stay``. With other patterns a declination that is not configured is None: the
-    belt's.
+    The direction (ICRS, degrees) gives a missing hour angle and, with pattern ``stay``, a missing
+    declination. With other patterns a missing declination is None: the geostationary belt's.
     """
     here = search_base_at(site, ra_icrs_deg, dec_icrs_deg, t_utc_ns)
     hour_angle_deg = search.hour_angle_deg
@@ -124,33 +123,34 @@ def search_direction(
     exposure_number: int,
     t_utc_ns: int,
 ) -> tuple[float, float]:
-    """ICRS direction (RA, Dec) in degrees of an exposure of a search, at the instant ``t_utc_ns``.
+    """Return the direction (RA, Dec), ICRS degrees, of an exposure of a search at an instant.
 
     ``exposure_number``: counted from 0; ``field_deg``: width and height of the field. The hour
-    angle does not change during a field's exposures: a geostationary satellite then stays where it
-    is in the field while the stars pass. Only a target given by its right ascension is fixed among
-    the stars.
+    angle is constant during a field's exposures, so that a geostationary satellite stays in place
+    while the stars pass. Only a target given by its right ascension is fixed among the stars.
     """
     target = search_target(base, search, exposure_number)
     if target is not None:
         return target_direction(target, site, t_utc_ns)
     visited = field_number(base, search, exposure_number)
     if base.widens and base.declination_deg is not None:
-        right, up = spiral(visited)
+        right, up = spiral_cell(visited)
         dec_deg = base.declination_deg + up * search.belt_step_fields * field_deg[1]
         dec_deg = min(max(dec_deg, -90.0), 90.0)
         step_deg = search.belt_step_fields * field_deg[0]
         step_deg /= max(math.cos(math.radians(dec_deg)), _MIN_COSINE)
-        return fixed_direction(site, base.hour_angle_deg - right * step_deg, dec_deg, t_utc_ns)
+        return direction_of_hour_angle(
+            site, base.hour_angle_deg - right * step_deg, dec_deg, t_utc_ns
+        )
     field = 0
     if search.pattern == "belt":
         field = (visited + 1) // 2 * (1 if visited % 2 else -1)
     hour_angle_deg = base.hour_angle_deg - field * search.belt_step_fields * field_deg[0]
-    return fixed_direction(site, hour_angle_deg, base.declination_deg, t_utc_ns)
+    return direction_of_hour_angle(site, hour_angle_deg, base.declination_deg, t_utc_ns)
 
 
-def spiral(number: int) -> tuple[int, int]:
-    """Column and row of a place on a square spiral: number 0 is at (0, 0), the first ring 1-8."""
+def spiral_cell(number: int) -> tuple[int, int]:
+    """Return (column, row) of a cell of a square spiral: 0 is (0, 0), 1-8 the first ring."""
     if number == 0:
         return 0, 0
     ring = math.ceil((math.sqrt(number + 1) - 1.0) / 2.0)
@@ -170,15 +170,15 @@ def target_direction(target: TargetConfig, site: Site, t_utc_ns: int) -> tuple[f
     if target.ra_icrs_deg is not None and target.declination_deg is not None:
         return target.ra_icrs_deg, target.declination_deg
     if target.slot_longitude_deg is not None:
-        hour_angle_deg, declination_deg = slot_direction(site, target.slot_longitude_deg)
+        hour_angle_deg, declination_deg = geo_slot_direction_deg(site, target.slot_longitude_deg)
         if target.declination_deg is not None:
             declination_deg = target.declination_deg
-        return fixed_direction(site, hour_angle_deg, declination_deg, t_utc_ns)
+        return direction_of_hour_angle(site, hour_angle_deg, declination_deg, t_utc_ns)
     assert target.hour_angle_deg is not None, "a target says one place"
-    return fixed_direction(site, target.hour_angle_deg, target.declination_deg, t_utc_ns)
+    return direction_of_hour_angle(site, target.hour_angle_deg, target.declination_deg, t_utc_ns)
 
 
-def fixed_direction(
+def direction_of_hour_angle(
     site: Site, hour_angle_deg: float, declination_deg: float | None, t_utc_ns: int
 ) -> tuple[float, float]:
     """ICRS direction (RA, Dec) in degrees of an hour angle and declination of date.
@@ -186,11 +186,11 @@ def fixed_direction(
     ``declination_deg``: None for the declination of the geostationary belt at that hour angle.
     """
     if declination_deg is None:
-        declination_deg = belt_declination_deg(site, hour_angle_deg)
+        declination_deg = geo_belt_declination_deg(site, hour_angle_deg)
     return icrs_of_hour_angle(site, hour_angle_deg, declination_deg, t_utc_ns)
 
 
-def side_at_arrival(
+def pier_side_after_slew(
     site: Site,
     mount: MountConfig,
     direction_icrs_deg: tuple[float, float],
@@ -199,8 +199,8 @@ def side_at_arrival(
 ) -> PierSide | None:
     """Return the side of the pier after a slew; None where the mount does not report its side.
 
-    ``present``: the side now. A German mount changes sides only where the direction is far enough
-    past the meridian.
+    ``present``: the side before. A German mount changes sides only for a direction more than
+    ``mount.flip_hysteresis_deg`` from the meridian.
     """
     if present is None or mount.type != "german":
         return present
@@ -221,7 +221,7 @@ def flip_refusal(
 
     None where the side stays, or where the setting allows the change. ``present``: the side now.
     """
-    after = side_at_arrival(site, mount, direction_icrs_deg, t_utc_ns, present)
+    after = pier_side_after_slew(site, mount, direction_icrs_deg, t_utc_ns, present)
     if mount.meridian != "hold" or after == present:
         return None
     hour_angle_deg = hour_angle_icrs_deg(site, *direction_icrs_deg, t_utc_ns)
@@ -235,16 +235,16 @@ def follow_direction(
     aim = aim or AimConfig()
     led_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
     ahead = predict(track, led_ns, settings, track.frame_id)
-    return beside(direction_icrs_deg(ahead), sky_rate_arcsec_s(ahead), aim)
+    return with_aim_offsets(direction_icrs_deg(ahead), sky_rate_arcsec_s(ahead), aim)
 
 
-def beside(
+def with_aim_offsets(
     direction_icrs_deg: tuple[float, float], rate_arcsec_s: tuple[float, float], aim: AimConfig
 ) -> tuple[float, float]:
-    """Add the offsets of ``aim``, along and across the motion, to a direction (ICRS, degrees).
+    """Return a direction (ICRS, degrees) shifted by the offsets of ``aim``.
 
-    ``rate_arcsec_s``: rate of the motion east and north. An offset across is positive to the left
-    of the motion.
+    The offsets are along the motion, and across it, positive to its left. ``rate_arcsec_s``: rate
+    of the motion east and north.
     """
     ra_deg, dec_deg = direction_icrs_deg
     dec_deg = min(max(dec_deg, -90.0), 90.0)
@@ -267,11 +267,10 @@ def needs_recentre(
     centre_icrs_deg: tuple[float, float] | None,
     target_icrs_deg: tuple[float, float],
 ) -> bool:
-    """True where the telescope must move for a target.
+    """Return True if the telescope must move to bring a target near the field's centre.
 
-    It must with ``search.recentre`` "every", where the field's centre is not known (None), and
-    where the target is farther from it than ``search.recentre_fraction`` of the field's shorter
-    side.
+    True with ``search.recentre`` "every", where the field's centre is not known (None), and where
+    the target is farther from it than ``search.recentre_fraction`` of the field's shorter side.
     """
     if search.recentre == "every" or centre_icrs_deg is None:
         return True
@@ -280,7 +279,7 @@ def needs_recentre(
     )
 
 
-def slew_to(
+def slew_command(
     frame_id: int,
     direction: tuple[float, float],
     t_aim_utc_ns: int,

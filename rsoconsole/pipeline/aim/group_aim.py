@@ -18,7 +18,7 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, TrackState
 from rsoconsole.sky import separation_deg
 from rsoconsole.tracking import (
-    Plane,
+    TangentPlane,
     direction_icrs_deg,
     predict,
     sky_rate_arcsec_s,
@@ -38,7 +38,7 @@ _FARTHEST_DEG = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Member:
+class GroupMember:
     """Track at the middle of the next exposure, on the plane tangent to the sky at the lead."""
 
     x: float
@@ -64,7 +64,7 @@ def group_direction(
     Both are for the instant ``t_mid_utc_ns``. ``tracks``: the lead first; ``lead_deg``: the lead's
     direction at that instant (ICRS).
     """
-    plane = Plane.at(*lead_deg)
+    plane = TangentPlane.at(*lead_deg)
     members = _members(tracks, plane, t_mid_utc_ns, exposure_s, settings)
     radius_deg = _USABLE_SHARE * min(field_deg) / 2.0
     if policy == "lead" or len(members) < 2:
@@ -85,13 +85,13 @@ def tracks_inside(
     exposure_s: float,
     settings: FilterConfig,
 ) -> tuple[bool, ...]:
-    """True for each track that is in the field around ``centre_deg`` at ``t_mid_utc_ns``.
+    """Return for each track whether it is in the field around ``centre_deg``.
 
-    ``tracks``: the lead first; ``lead_deg``: the lead's direction at that instant. Directions are
-    ICRS.
+    The instant is ``t_mid_utc_ns``. ``tracks``: the lead first; ``lead_deg``: the lead's direction
+    at that instant. Directions are ICRS.
     """
-    plane = Plane.at(*lead_deg)
-    centre = plane.place_of(*centre_deg) / 3600.0
+    plane = TangentPlane.at(*lead_deg)
+    centre = plane.project_arcsec(*centre_deg) / 3600.0
     radius_deg = _USABLE_SHARE * min(field_deg) / 2.0
     inside = []
     for track in tracks:
@@ -102,7 +102,7 @@ def tracks_inside(
     return tuple(inside)
 
 
-def best_centre(members: Sequence[Member], radius_deg: float, policy: Policy) -> FloatArray:
+def best_centre(members: Sequence[GroupMember], radius_deg: float, policy: Policy) -> FloatArray:
     """Best centre (2,), in degrees on the tangent plane, of a circle with ``radius_deg``.
 
     ``members``: the lead first.
@@ -134,22 +134,22 @@ def best_centre(members: Sequence[Member], radius_deg: float, policy: Policy) ->
 
 def _members(
     tracks: Sequence[TrackState],
-    plane: Plane,
+    plane: TangentPlane,
     t_mid_utc_ns: int,
     exposure_s: float,
     settings: FilterConfig,
-) -> list[Member]:
+) -> list[GroupMember]:
     found = []
     for number, track in enumerate(tracks):
         ahead = predict(track, t_mid_utc_ns, settings, track.frame_id)
         at = direction_icrs_deg(ahead)
         if number and separation_deg(*plane.direction_deg, *at) > _FARTHEST_DEG:
             continue
-        x, y = plane.place_of(*at) / 3600.0 if number else (0.0, 0.0)
+        x, y = plane.project_arcsec(*at) / 3600.0 if number else (0.0, 0.0)
         streak_deg = exposure_s * math.hypot(*sky_rate_arcsec_s(ahead)) / 3600.0
         weight = LEAD_WEIGHT if number == 0 else 1.0 if track.innovations else TRIAL_WEIGHT
         found.append(
-            Member(
+            GroupMember(
                 x=float(x),
                 y=float(y),
                 reach_deg=streak_deg / 2.0 + three_sigma_deg(ahead),
@@ -159,17 +159,17 @@ def _members(
     return found
 
 
-def _holds(centre: FloatArray, member: Member, radius_deg: float) -> bool:
+def _holds(centre: FloatArray, member: GroupMember, radius_deg: float) -> bool:
     away = math.hypot(member.x - centre[0], member.y - centre[1])
     return away + member.reach_deg <= radius_deg + 1e-9
 
 
-def _can_be_with(member: Member, lead: Member, radius_deg: float) -> bool:
+def _can_be_with(member: GroupMember, lead: GroupMember, radius_deg: float) -> bool:
     away = math.hypot(member.x - lead.x, member.y - lead.y)
     return away + member.reach_deg + lead.reach_deg <= 2.0 * radius_deg + 1e-9
 
 
-def _candidates(members: Sequence[Member], radius_deg: float) -> list[FloatArray]:
+def _candidates(members: Sequence[GroupMember], radius_deg: float) -> list[FloatArray]:
     """Candidate centres: some best circle has two members at its edge, or one at its centre.
 
     A member's place may be away from the centre by the radius less its reach.
@@ -180,7 +180,7 @@ def _candidates(members: Sequence[Member], radius_deg: float) -> list[FloatArray
     return found
 
 
-def _crossings(one: Member, other: Member, radius_deg: float) -> list[FloatArray]:
+def _crossings(one: GroupMember, other: GroupMember, radius_deg: float) -> list[FloatArray]:
     """Return the points where two circles of allowed centres cross."""
     a, b = radius_deg - one.reach_deg, radius_deg - other.reach_deg
     way = np.array([other.x - one.x, other.y - one.y])
@@ -195,7 +195,7 @@ def _crossings(one: Member, other: Member, radius_deg: float) -> list[FloatArray
     return [foot + across * normal, foot - across * normal]
 
 
-def _enclosing(members: Sequence[Member]) -> tuple[FloatArray, float]:
+def _enclosing(members: Sequence[GroupMember]) -> tuple[FloatArray, float]:
     """Centre and radius of about the smallest circle that holds all members with their reach.
 
     By Badoiu and Clarkson's steps towards the farthest (2003): within a hundredth.

@@ -1,4 +1,4 @@
-"""Work over many sessions on Dask; nothing here is loaded where Dask is not used."""
+"""Work on many sessions with Dask; loaded only where Dask is used."""
 
 import contextlib
 import logging
@@ -14,12 +14,10 @@ from rsoconsole.base import BatchError
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 REACHED_S = 30.0
-"""Longest wait for a scheduler and its workers, s."""
 LOOK_S = 5.0
-"""Interval between checks that workers are still there, s."""
 
 
-def by_dask(
+def run_on_dask(
     work: Callable[[Task], Result],
     tasks: Sequence[Task],
     *,
@@ -28,7 +26,7 @@ def by_dask(
     failed: Callable[[Task, str], Result],
     paths: Sequence[Path],
 ) -> Iterator[tuple[int, Result]]:
-    """Yield (number of the task, its result) as the tasks are completed.
+    """Run tasks on Dask; yield (index of the task, its result) as they are completed.
 
     ``scheduler``: address of a Dask scheduler; None: a cluster is started on this machine. The
     other arguments are those of ``batch_pool.run_tasks``. Raises BatchError where there is no

@@ -28,9 +28,14 @@ from rsoconsole.base import (
 )
 from rsoconsole.config import Config
 from rsoconsole.night import TrackFigures
-from rsoconsole.pipeline.batch.batch_pool import Processed, WorkerPool, process_files, run_tasks
+from rsoconsole.pipeline.batch.batch_pool import (
+    ProcessedFrame,
+    WorkerPool,
+    process_files,
+    run_tasks,
+)
 from rsoconsole.pipeline.frame.reduce import open_reducer
-from rsoconsole.pipeline.replays.branches import check_name, save_branch
+from rsoconsole.pipeline.replays.branches import new_branch_folder, save_branch
 from rsoconsole.pipeline.replays.what_if_log import RerunCounts, what_if_session
 from rsoconsole.records import Detections, Event, FrameTaken, Measurement, Miss, StateChange
 from rsoconsole.session import DATABASE, BatchRecording, SessionReader, replace_folder
@@ -44,7 +49,7 @@ State: TypeAlias = Literal["done", "skipped", "failed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Night:
+class BatchNight:
     """One night's frames, and the session to make of them."""
 
     source: Path
@@ -65,7 +70,6 @@ class NightOutcome:
     state: State
     frames: int = 0
     unreadable: tuple[str, ...] = ()
-    """Errors of the frames that could not be used, one sentence each."""
     detections: int = 0
     measurements: int = 0
     misses: int = 0
@@ -75,17 +79,17 @@ class NightOutcome:
     """Reason why no session was made of the night; None where one was."""
 
 
-def nights_in(
+def nights_of_folders(
     folders: Sequence[Path], root: Path, config: Config, *, is_again: bool = False
-) -> tuple[Night, ...]:
-    """Return a night for each folder, which holds frames or is a session that has kept its frames.
+) -> tuple[BatchNight, ...]:
+    """Return a night for each folder, of frames or of a session that has kept its frames.
 
-    ``root``: folder in which the sessions are made; ``is_again``: sessions that exist are made
+    ``root``: folder in which the sessions are made; ``is_again``: True to make existing sessions
     again. Frames are in the order of their names, with numbers compared as numbers. Raises
     BatchError where two folders would become the same session.
     """
     nights = tuple(
-        Night(
+        BatchNight(
             source=folder,
             session=root / folder.resolve().name,
             frames=_frames_in(folder.resolve()),
@@ -102,16 +106,15 @@ def nights_in(
 
 
 def process_nights(
-    nights: Sequence[Night],
+    nights: Sequence[BatchNight],
     pool_of: Callable[[int], WorkerPool],
     *,
     on_done: Callable[[], None] = lambda: None,
 ) -> Iterator[NightOutcome]:
     """Process the nights and yield their outcomes in order.
 
-    ``pool_of``: returns the pool for a number of nights; nights already done are not counted, as
-    they need no worker. ``on_done`` is called once a night. Raises BatchError where there is no
-    worker.
+    ``pool_of``: returns a pool for a number of nights, those already done not counted. ``on_done``:
+    called once for each night. Raises BatchError where there is no worker.
     """
     done = [_already_done(night) for night in nights]
     todo = [night for night, outcome in zip(nights, done, strict=True) if outcome is None]
@@ -128,12 +131,12 @@ def process_nights(
         yield next(outcomes) if outcome is None else outcome
 
 
-def _already_done(night: Night) -> NightOutcome | None:
+def _already_done(night: BatchNight) -> NightOutcome | None:
     """Outcome of a night already made; None where there is work or an error to report."""
     if night.is_again or not (night.session / DATABASE).exists():
         return None
     try:
-        made = SessionReader(night.session).about()
+        made = SessionReader(night.session).read_meta()
         return _outcome(night, "skipped") if _is_made(made, _identity(night)) else None
     except RsoconsoleError:
         return None
@@ -144,10 +147,10 @@ def _is_made(about: dict[str, Any], identity: dict[str, Any]) -> bool:
     return about.get("batch") == identity and about.get("is_closed") is True
 
 
-def process_night(night: Night) -> NightOutcome:
-    """Process one night into a session; faulty input gives a failed outcome and raises nothing.
+def process_night(night: BatchNight) -> NightOutcome:
+    """Process one night into a session; a failure of any kind gives a failed outcome.
 
-    A session that exists already fails the night, unless ``night.is_again``.
+    Unless ``night.is_again``, a session that exists already is a failure.
     """
     try:
         return _processed(night)
@@ -157,7 +160,7 @@ def process_night(night: Night) -> NightOutcome:
         return failed_night(night, f"something broke: {type(error).__name__}: {error}")
 
 
-def failed_night(night: Night, reason: str) -> NightOutcome:
+def failed_night(night: BatchNight, reason: str) -> NightOutcome:
     """Return the outcome of a night that failed for this reason."""
     return NightOutcome(source=night.source, session=night.session, state="failed", error=reason)
 
@@ -181,12 +184,12 @@ def lock_batch_folder(root: Path) -> Iterator[None]:
         os.close(lock)
 
 
-def _processed(night: Night) -> NightOutcome:
+def _processed(night: BatchNight) -> NightOutcome:
     if not night.frames:
         raise FrameError(f"{night.source} holds no frame: name folders of FITS, TIFF or PNG files")
     identity = _identity(night)
     if (night.session / DATABASE).exists():
-        made = SessionReader(night.session).about()
+        made = SessionReader(night.session).read_meta()
         if "batch" not in made:
             raise SessionError(f"{night.session} holds a session that no batch has made")
         if not night.is_again and _is_made(made, identity):
@@ -209,7 +212,7 @@ def _processed(night: Night) -> NightOutcome:
     return _outcome(night, "done")
 
 
-def _record(night: Night, folder: Path, identity: dict[str, Any]) -> None:
+def _record(night: BatchNight, folder: Path, identity: dict[str, Any]) -> None:
     one_thread = night.config.detector.model_copy(update={"threads": 1})
     config = night.config.model_copy(update={"detector": one_thread})
     with open_reducer(config) as (reducer, sha256):
@@ -220,7 +223,7 @@ def _record(night: Night, folder: Path, identity: dict[str, Any]) -> None:
         numbers, paths = zip(*night.frames, strict=True)
         try:
             for result in process_files(paths, reducer, config, numbers=numbers):
-                if isinstance(result, Processed):
+                if isinstance(result, ProcessedFrame):
                     is_usable = True
                     recording.append(result.records, result.t_mid_utc_ns)
                 else:
@@ -235,7 +238,7 @@ def _record(night: Night, folder: Path, identity: dict[str, Any]) -> None:
         raise SessionError("; ".join(recording.faults))
 
 
-def _outcome(night: Night, state: State) -> NightOutcome:
+def _outcome(night: BatchNight, state: State) -> NightOutcome:
     reader = SessionReader(night.session)
     frames = detections = measurements = misses = 0
     locked: int | None = None
@@ -274,7 +277,7 @@ def _outcome(night: Night, state: State) -> NightOutcome:
     )
 
 
-def _identity(night: Night) -> dict[str, Any]:
+def _identity(night: BatchNight) -> dict[str, Any]:
     """Return the identity of a night: frames, settings, network and version."""
     network = Network.load(night.config.detector.model, 1)
     frames = []
@@ -350,14 +353,16 @@ class WhatIfFigures:
     """Reason why the what-if failed; None where it succeeded."""
 
 
-def answer(question: BatchWhatIf, on_frame: Callable[[], None] = lambda: None) -> WhatIfFigures:
+def run_what_if(
+    question: BatchWhatIf, on_frame: Callable[[], None] = lambda: None
+) -> WhatIfFigures:
     """Run a what-if and return its figures; an error is returned in their field ``error``.
 
     Where ``question.save`` is a name, the what-if is saved as a branch of that name.
     """
     try:
         if question.save is not None:
-            check_name(question.session, question.save, force=question.force)
+            new_branch_folder(question.session, question.save, force=question.force)
         found = what_if_session(
             question.session,
             question.changes,

@@ -23,7 +23,7 @@ from rsoconsole.base import BatchError, FrameError
 from rsoconsole.config import Config
 from rsoconsole.instruments import read_frame
 from rsoconsole.pipeline.cycle.cycle import Cycle, frame_taken_record
-from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
+from rsoconsole.pipeline.frame.measurement import mid_exposure_utc_ns
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
 from rsoconsole.pipeline.orbits.orbits import Orbits
 from rsoconsole.records import Frame, Record
@@ -38,7 +38,7 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorkerPool:
-    """Pool of workers: its kind, and the number of workers."""
+    """Kind and number of the workers that run tasks."""
 
     kind: Kind
     workers: int
@@ -94,10 +94,10 @@ def run_tasks(
     elif pool.kind == "processes":
         yield from _in_order(_by_processes(work, tasks, pool.workers, failed), on_done)
     else:
-        from rsoconsole.pipeline.batch._batch_dask import by_dask
+        from rsoconsole.pipeline.batch._batch_dask import run_on_dask
 
-        with one_thread():
-            results = by_dask(
+        with one_thread_per_process():
+            results = run_on_dask(
                 work,
                 tasks,
                 workers=pool.workers,
@@ -145,7 +145,7 @@ def _as_processes_end(
 ) -> Iterator[tuple[int, Result]]:
     """Yield (number, result) as they come; ends early where a worker dies."""
     ours = set(multiprocessing.active_children())
-    with one_thread():
+    with one_thread_per_process():
         executor = ProcessPoolExecutor(
             max_workers=workers,
             mp_context=multiprocessing.get_context("spawn"),
@@ -182,8 +182,8 @@ def _become_worker() -> None:
 
 
 @contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """Context in which every process that is started computes with one thread."""
+def one_thread_per_process() -> Iterator[None]:
+    """Make every process started within this context compute with one thread."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -197,7 +197,7 @@ def one_thread() -> Iterator[None]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Processed:
+class ProcessedFrame:
     """One processed frame: its reduction, the state after it and its records."""
 
     path: Path
@@ -206,7 +206,6 @@ class Processed:
     reduction: Reduction
     after: Following
     records: tuple[Record, ...]
-    """Records of the frame for the session, in order."""
 
 
 def process_files(
@@ -216,7 +215,7 @@ def process_files(
     *,
     numbers: Iterable[int] | None = None,
     extension: str | None = None,
-) -> Iterator[Processed | tuple[Path, FrameError]]:
+) -> Iterator[ProcessedFrame | tuple[Path, FrameError]]:
     """Process every frame in the order given; yield an unusable frame as (path, its error).
 
     A frame without a time is detected and solved, and leaves the track as it is. ``numbers``: frame
@@ -235,14 +234,14 @@ def process_files(
                 reduction, following, outcomes = result.reduction, result.after, result.records
                 for record in (frame_taken_record(frame), *outcomes):
                     orbits.receive(record)
-                outcomes = (*outcomes, *orbits.refine())
+                outcomes = (*outcomes, *orbits.derive_frame_records())
         except FrameError as error:
             yield path, error
             continue
-        yield Processed(
+        yield ProcessedFrame(
             path=path,
             frame=frame,
-            t_mid_utc_ns=shutter_mid_utc_ns(frame, config.exposure),
+            t_mid_utc_ns=mid_exposure_utc_ns(frame, config.exposure),
             reduction=reduction,
             after=following,
             records=(frame_taken_record(frame), *outcomes),

@@ -1,7 +1,7 @@
-"""Streaks of navigation satellites in a night, and how far each is from its satellite's orbit.
+"""Streaks of navigation satellites in a night, and their offsets from the orbits.
 
-A streak is assigned to a satellite where it lies within a few arcsec of the satellite's path, with
-the direction and length of its motion; along the path it may be off by up to ten seconds.
+A streak is assigned to a satellite where it lies within a few arcsec of the satellite's path and
+has the direction and length of its motion; along the path it may be off by up to ten seconds.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from rsoconsole.config import Config
 from rsoconsole.night import frames_of
 from rsoconsole.orbits import NavigationSatellite
-from rsoconsole.pipeline.frame.measurement import shutter_time
+from rsoconsole.pipeline.frame.measurement import frame_timing
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -26,7 +26,7 @@ from rsoconsole.records import (
     measurement_id_of,
 )
 from rsoconsole.session import SessionReader
-from rsoconsole.sky import ARCSEC_RAD, Places, direction_to_unit, east_and_north, wrap_180
+from rsoconsole.sky import ARCSEC_RAD, SkyPlaces, direction_to_unit, east_and_north, wrap_180
 from rsoconsole.words import NS_PER_S
 
 MAX_LATE_S = 10.0
@@ -87,16 +87,22 @@ class NightStreaks:
 
 
 def read_streaks(folder: Path, session: int) -> NightStreaks:
-    """Read the usable streaks of a session. Raises SessionError."""
+    """Read the streaks of a session that are whole and have a time. Raises SessionError.
+
+    ``session``: number of the session in the calibration.
+    """
     reader = SessionReader(folder)
     config = reader.config()
-    about = reader.about()
+    about = reader.read_meta()
     offset = about.get("clock_offset_s")
     streaks: dict[str, Streak] = {}
     kinds = (FrameTaken, Detections, Measurement)
     for frame in frames_of(record for _, _, record in reader.records(kinds=kinds)):
         taken = frame.taken
-        found = {measurement_id_of(frame.frame_id, n): each for n, each in enumerate(frame.found)}
+        found = {
+            measurement_id_of(frame.frame_id, n): each
+            for n, each in enumerate(frame.detected_streaks)
+        }
         for each in frame.measurements:
             if taken is not None and _is_whole(each, taken):
                 east, both, north = each.cov_sky_arcsec2
@@ -105,7 +111,7 @@ def read_streaks(folder: Path, session: int) -> NightStreaks:
                     taken=taken,
                     session=session,
                     covariance=np.array([[east, both], [both, north]]),
-                    time_sigma_s=shutter_time(taken, config.exposure).sigma_s,
+                    time_sigma_s=frame_timing(taken, config.exposure).sigma_s,
                     light=_light_along(each, found.get(each.measurement_id)),
                 )
     return NightStreaks(
@@ -184,7 +190,7 @@ def _shift(streak: Streak) -> FloatArray:
     return np.asarray(streak.light.offset_arcsec * _ahead(streak))
 
 
-def length_arcsec(streak: Streak) -> tuple[float, float]:
+def length_and_sigma_arcsec(streak: Streak) -> tuple[float, float]:
     """Length of a streak and its sigma, arcsec; NaN where the ends are not known."""
     if streak.light is not None:
         return streak.light.length_arcsec, streak.light.length_sigma_arcsec
@@ -201,7 +207,9 @@ def header_mid_utc_ns(streak: Streak) -> int:
     return streak.taken.t_mid_utc_ns or 0
 
 
-def match(streaks: Sequence[Streak], site: Site, satellites: Sequence[NavigationSatellite]) -> None:
+def match_satellites(
+    streaks: Sequence[Streak], site: Site, satellites: Sequence[NavigationSatellite]
+) -> None:
     """Set satellite, offset and rate of each streak that lies on a navigation satellite's path."""
     best = [math.inf] * len(streaks)
     for start in range(0, len(streaks), _CHUNK):
@@ -244,7 +252,7 @@ def _near(
         return np.flatnonzero(cos > math.cos(_PARALLAX_RAD))
 
 
-def _offsets(places: Places, ra: FloatArray, dec: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _offsets(places: SkyPlaces, ra: FloatArray, dec: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return measured minus predicted, (N, 2) arcsec, and the rate, (N, 2): both east and north."""
     cos_dec = np.cos(np.radians(places.dec_icrs_deg))
     line, measured = (
@@ -291,16 +299,16 @@ def _has_shape_of(streak: Streak, speed: float, aside: FloatArray) -> bool:
     return length <= _SHORTEST_ARCSEC or turned <= math.sin(math.radians(_MAX_TURNED_DEG))
 
 
-def label_of(streak: Streak) -> str:
+def satellite_label(streak: Streak) -> str:
     """Label of the streak's satellite, unique within a file of orbits."""
     assert streak.satellite is not None
     return f"{streak.satellite.name} {streak.satellite.norad_id or ''}"
 
 
-def match_later(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> None:
-    """Compute offset and rate of one satellite's streaks again, at later instants.
+def recompute_offsets(streaks: Sequence[Streak], site: Site, late_s: FloatArray) -> None:
+    """Recompute offset and rate of the streaks of one satellite for later instants.
 
-    ``late_s``: seconds by which each streak, (N,), is later than the mid-exposure by its header.
+    ``late_s``: seconds (N,) from the header's mid-exposure to the later instant of each streak.
     """
     satellite = streaks[0].satellite
     assert satellite is not None

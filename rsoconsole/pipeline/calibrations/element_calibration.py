@@ -1,4 +1,4 @@
-"""Errors of elements in recorded nights: rows from sessions and from ``identify``'s output."""
+"""Rows for the calibration of element errors, from sessions or ``identify`` output."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,18 +7,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import OrbitError, json_of, read_named_file
-from rsoconsole.config import CatalogueConfig, MeasuredErrors
+from rsoconsole.base import OrbitError, parse_json, read_named_file
+from rsoconsole.config import CatalogueConfig, MeasuredErrorFactors
 from rsoconsole.orbits import (
     ERROR_REGIMES,
     SURE_NAMED,
     CatalogueEntry,
+    ElementErrorRow,
     ElementErrors,
-    ElementRow,
     FittedFactors,
     compare_with_catalogue,
+    element_error_row,
     identify_compared_tracks,
-    row_of,
 )
 from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed_tracks
 from rsoconsole.session import SessionReader
@@ -31,14 +31,13 @@ _SHAPE = "a session's folder, or the lines of 'rsoconsole identify --field --jso
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NightRows:
+class CalibrationRows:
     """Rows for the calibration of element errors, from one session or one file."""
 
     sessions: tuple[str, ...]
     """Names of the row's sources in the ledger: the session, or each frame of a file."""
     tracks: int
-    rows: tuple[ElementRow, ...]
-    """Rows of the tracks identified with certainty."""
+    rows: tuple[ElementErrorRow, ...]
     is_simulated: bool
 
 
@@ -49,14 +48,15 @@ def is_session(path: Path) -> bool:
 
 def rows_of_session(
     path: Path, entries: Sequence[CatalogueEntry], errors: ElementErrors
-) -> NightRows:
-    """Compare each track of a session with its object's element set nearest in epoch.
+) -> CalibrationRows:
+    """Return the rows of a session: its tracks compared with their objects' elements.
 
-    ``errors``: assumed errors of the elements, which bound the differences of an identified track.
-    Raises SessionError where the session has no readable track.
+    The element sets are those nearest in epoch. ``errors``: assumed errors of the elements, which
+    limit the offset of an identified track. Raises SessionError where the session has no readable
+    track.
     """
     folder = path if path.is_dir() else path.parent
-    about = SessionReader(folder).about()
+    about = SessionReader(folder).read_meta()
     tracks = read_observed_tracks(folder)
     compared = [
         compare_with_catalogue(
@@ -68,10 +68,10 @@ def rows_of_session(
     first_utc_ns = min(int(each.seen.t_utc_ns[0]) for each in tracks)
     session = _called(folder.resolve().name, first_utc_ns)
     found = (
-        row_of(session, str(track.number), *pair)
+        element_error_row(session, str(track.number), *pair)
         for track, pair in zip(tracks, zip(compared, named, strict=True), strict=True)
     )
-    return NightRows(
+    return CalibrationRows(
         sessions=(session,),
         tracks=len(tracks),
         rows=tuple(each for each in found if each is not None),
@@ -79,15 +79,15 @@ def rows_of_session(
     )
 
 
-def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
-    """Read streaks and movers from the lines that ``identify --field --json`` printed.
+def rows_of_identify_output(path: Path, *, is_simulated: bool) -> CalibrationRows:
+    """Return the rows in a file of lines printed by ``identify --field --json``.
 
     Raises OrbitError where the file does not hold such lines.
     """
     text = read_named_file(path, OrbitError, f"name {_SHAPE}")
     sessions: dict[str, None] = {}
     tracks = 0
-    rows: list[ElementRow] = []
+    rows: list[ElementErrorRow] = []
     for number, line in enumerate(text.split("\n"), start=1):
         if not line.strip():
             continue
@@ -104,7 +104,7 @@ def rows_of_lines(path: Path, *, is_simulated: bool) -> NightRows:
             ) from error
     if not sessions:
         raise OrbitError(f"{path} holds no frame: it must be {_SHAPE}")
-    return NightRows(
+    return CalibrationRows(
         sessions=tuple(sessions), tracks=tracks, rows=tuple(rows), is_simulated=is_simulated
     )
 
@@ -114,7 +114,7 @@ def _fault(error: Exception) -> str:
 
 
 def _object(line: str) -> Mapping[str, Any]:
-    said = json_of(line)
+    said = parse_json(line)
     if not isinstance(said, dict):
         raise TypeError("no object")
     return said
@@ -138,7 +138,7 @@ def _seen_of(said: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, A
         yield session, f"streak {each['streak']}", {**each, "t_utc_ns": at, "observations": 1}
 
 
-def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[ElementRow]:
+def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[ElementErrorRow]:
     """Yield a row where the object is identified with certainty."""
     if seen["verdict"] != "identified" or seen["matches"][0]["probability"] < SURE_NAMED:
         return
@@ -153,7 +153,7 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
     if not min(speed_km_s, range_km, sigma_s, sigma_arcsec) > 0.0:
         raise ValueError("an error, a speed or a distance is not above 0")
     epoch = iso_to_utc_ns(best["tle_epoch_utc"])
-    row = ElementRow(
+    row = ElementErrorRow(
         session=session,
         track=track,
         norad_id=int(best["norad_id"]),
@@ -185,23 +185,24 @@ def _rows_of(session: str, track: str, seen: Mapping[str, Any]) -> Iterator[Elem
 
 def _called(name: str, t_utc_ns: int) -> str:
     """Return the name with its instant, which tells folders or frames of one name apart; to the
-    second, so that a corrected clock does not change it."""
+    second, so that a corrected clock does not change it.
+    """
     return f"{name}, {utc_ns_to_iso(round(t_utc_ns / NS_PER_S) * NS_PER_S, 0)}"
 
 
 FACTORS = ("along_at_epoch", "along_by_age", "across")
 
 
-def settings_of(
+def merged_error_factors(
     fitted: Sequence[FittedFactors], catalogue: CatalogueConfig
 ) -> list[dict[str, Any]]:
-    """Return ``catalogue.error_factors`` with the factors of the fitted kinds of orbit replaced."""
+    """Return the setting ``catalogue.error_factors`` with the fitted factors put in."""
     new = {each.regime: _measured(each) for each in fitted}
     kept = [each for each in catalogue.error_factors if each.regime not in new]
     return [each.model_dump() for each in (*kept, *new.values())]
 
 
-def _measured(fitted: FittedFactors) -> MeasuredErrors:
+def _measured(fitted: FittedFactors) -> MeasuredErrorFactors:
     values = {
         key: round(value, 3)
         for name in FACTORS
@@ -210,7 +211,7 @@ def _measured(fitted: FittedFactors) -> MeasuredErrors:
             (f"{name}_sigma", getattr(fitted.sigmas, name)),
         )
     }
-    return MeasuredErrors.model_validate(
+    return MeasuredErrorFactors.model_validate(
         {
             "regime": fitted.regime,
             **values,

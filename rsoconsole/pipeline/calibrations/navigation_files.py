@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.base import MAX_DATA_BYTES, OrbitError, read_foreign
+from rsoconsole.base import MAX_DATA_BYTES, OrbitError, read_foreign_text
 from rsoconsole.config import CalibratedTiming, ExposureConfig
 from rsoconsole.orbits import (
     CatalogueEntry,
@@ -18,12 +18,16 @@ from rsoconsole.orbits import (
     NavigationSatellite,
     Satellite,
     ShutterTiming,
-    nearest_in_epoch_of_each,
+    nearest_epoch_entries,
     parse_rinex_nav,
     parse_sp3,
     states_gcrs,
 )
-from rsoconsole.pipeline.calibrations.time_calibration import FoundSatellite, FoundTiming, Mode
+from rsoconsole.pipeline.calibrations.time_calibration import (
+    CalibrationMode,
+    FoundSatellite,
+    FoundTiming,
+)
 from rsoconsole.words import NS_PER_DAY
 
 _READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time_by")
@@ -31,11 +35,9 @@ _READ_OUT = ("binning", "width_px", "height_px", "x0_px", "y0_px", "gain", "time
 _GZIP = b"\x1f\x8b"
 _REVOLUTIONS_A_DAY = (1.6, 2.4)
 _MAX_E = 0.1
-"""Largest eccentricity; with the revolutions a day it selects medium, nearly round orbits:
-navigation satellites, working or retired."""
+"""Largest eccentricity; with the revolutions a day it selects navigation satellites."""
 _SAME_KM = 100.0
-"""Largest distance of one satellite by two sources, km: elements a few days old are good to a few
-km, two satellites are thousands apart."""
+"""Largest distance of one satellite by two sources, km; two satellites are thousands apart."""
 _DAYS = 30.0
 
 
@@ -49,10 +51,10 @@ def read_sp3(files: Sequence[Path]) -> NavigationFile:
     return parse_sp3({str(path): _text(path) for path in files})
 
 
-def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> NavigationFile:
-    """Return the navigation satellites among element sets, each by its set nearest to an instant.
+def navigation_from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> NavigationFile:
+    """Return the navigation satellites among element sets, by the sets nearest to an instant.
 
-    Such places are good to a kilometre.
+    Their places are good to a kilometre. Raises OrbitError where there is no such satellite.
     """
     chosen = _medium(entries, t_utc_ns)
     if not chosen:
@@ -78,10 +80,10 @@ def from_elements(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> Navigatio
     )
 
 
-def with_norad(
+def with_norad_ids(
     found: FoundTiming, file: NavigationFile, entries: Sequence[CatalogueEntry]
 ) -> FoundTiming:
-    """Return the result with catalogue numbers of its satellites, found by their positions."""
+    """Return a result with the catalogue numbers of its satellites, matched by position."""
     if not entries or not found.satellites:
         return found
     by_name = {each.name: each for each in file.satellites}
@@ -110,7 +112,7 @@ def _medium(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> list[CatalogueE
     low, high = _REVOLUTIONS_A_DAY
     return [
         entry
-        for entry in nearest_in_epoch_of_each(entries, t_utc_ns)
+        for entry in nearest_epoch_entries(entries, t_utc_ns)
         if low <= entry.revolutions_a_day <= high
         and entry.eccentricity <= _MAX_E
         and abs(entry.epoch_utc_ns - t_utc_ns) <= _DAYS * NS_PER_DAY
@@ -121,7 +123,7 @@ def _medium(entries: Sequence[CatalogueEntry], t_utc_ns: int) -> list[CatalogueE
 def _text(path: Path) -> str:
     try:
         # Comments in such files are in whatever encoding their station uses.
-        text = read_foreign(path, most_bytes=MAX_DATA_BYTES, encoding="latin-1")
+        text = read_foreign_text(path, most_bytes=MAX_DATA_BYTES, encoding="latin-1")
         if not text.startswith(_GZIP.decode("latin-1")):
             return text
         with gzip.open(path) as file:
@@ -135,14 +137,14 @@ def _text(path: Path) -> str:
     return content.decode("latin-1").replace("\r\n", "\n")
 
 
-def timings_of(found: FoundTiming) -> tuple[CalibratedTiming, ...]:
+def timing_settings(found: FoundTiming) -> tuple[CalibratedTiming, ...]:
     """Return the settings' entry of each calibrated camera mode; none if element sets were used."""
     if found.kind == "tle":
         return ()
     return tuple(_timing(mode, timing, found) for mode, timing in found.modes if timing is not None)
 
 
-def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> CalibratedTiming:
+def _timing(mode: CalibrationMode, timing: ShutterTiming, found: FoundTiming) -> CalibratedTiming:
     return CalibratedTiming.model_validate(
         {
             "exposure_s": mode.exposure_s,
@@ -166,20 +168,20 @@ def _timing(mode: Mode, timing: ShutterTiming, found: FoundTiming) -> Calibrated
 def merged_timings(
     exposure: ExposureConfig, timings: Sequence[CalibratedTiming]
 ) -> tuple[CalibratedTiming, ...]:
-    """Return the settings' calibrated timings, with the new ones in place of the same modes'."""
-    new = {each.mode for each in timings}
-    return (*(each for each in exposure.calibrated if each.mode not in new), *timings)
+    """Return the settings' timings, the new ones replacing those of the same modes."""
+    new = {each.camera_mode for each in timings}
+    return (*(each for each in exposure.calibrated if each.camera_mode not in new), *timings)
 
 
-def worse_than_known(
+def less_certain_timings(
     timings: Sequence[CalibratedTiming], exposure: ExposureConfig
 ) -> tuple[tuple[CalibratedTiming, CalibratedTiming], ...]:
     """Return (new, known) for each mode whose new timing is less certain than the known one.
 
-    It is where the sigma of the bias, of the scatter or of the line time is larger than before.
+    Less certain means a larger sigma of the bias, of the scatter or of the line time.
     """
-    known = {each.mode: each for each in exposure.calibrated}
-    pairs = ((each, known[each.mode]) for each in timings if each.mode in known)
+    known = {each.camera_mode: each for each in exposure.calibrated}
+    pairs = ((each, known[each.camera_mode]) for each in timings if each.camera_mode in known)
     return tuple((new, old) for new, old in pairs if any(map(gt, _sigmas(new), _sigmas(old))))
 
 

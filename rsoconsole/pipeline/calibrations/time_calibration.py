@@ -1,7 +1,7 @@
 """The shutter's timing from recorded nights, by streaks of navigation satellites.
 
-Each camera mode is adjusted to all nights together; then to each night alone, because the offset of
-the machine's clock may differ from night to night.
+Each camera mode is calibrated with all nights together, then with each night alone, because the
+offset of the machine's clock may differ from night to night.
 """
 
 import math
@@ -24,7 +24,7 @@ from rsoconsole.orbits import (
     ShutterTiming,
     TimeCalibration,
     TimedDirections,
-    calibrate,
+    calibrate_timing,
     expect_covered,
 )
 from rsoconsole.pipeline.calibrations._navigation_streaks import (
@@ -32,13 +32,13 @@ from rsoconsole.pipeline.calibrations._navigation_streaks import (
     NightStreaks,
     Streak,
     header_mid_utc_ns,
-    label_of,
-    length_arcsec,
-    match,
-    match_later,
+    length_and_sigma_arcsec,
+    match_satellites,
     read_streaks,
+    recompute_offsets,
+    satellite_label,
 )
-from rsoconsole.pipeline.frame.measurement import SAME_EXPOSURE, read_out_of, shutter_time
+from rsoconsole.pipeline.frame.measurement import SAME_EXPOSURE, frame_timing, read_out_mode
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import ARCSEC_RAD
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
@@ -56,7 +56,7 @@ _UNLIKELY = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mode:
+class CalibrationMode:
     """Camera mode of the frames of a calibration."""
 
     exposure_s: float | None
@@ -75,29 +75,26 @@ class FoundSatellite:
     position_angle_deg: float
     """Position angle of its motion, from north through east."""
     t_utc_ns: int
-    """Instant of its first streak."""
     norad_id: int | None = None
     """Catalogue number of the satellite's own element set, else of the nearest element set."""
     norad_name: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Night:
+class CalibrationNight:
     """Sessions of one night at one site: errors of the star catalogue are common to them."""
 
     day: date
     """Day on which the night began, at the site."""
     folders: tuple[Path, ...]
     streaks: int
-    """Number of streaks of navigation satellites."""
     candidates: int
-    """Number of streaks that were compared with the orbits."""
     clock_offset_s: float | None
     """Offset of the machine's clock, as recorded when the night began; it is part of the bias."""
 
     @property
     def name(self) -> str:
-        """Name in messages: the session's, or the day where there are several."""
+        """Name of the night in messages: that of its only session, else its date."""
         return self.folders[0].name if len(self.folders) == 1 else f"night of {self.day}"
 
 
@@ -107,19 +104,20 @@ class FoundTiming:
 
     kind: str
     """Kind of the orbits used: broadcast, sp3 or tle."""
-    modes: tuple[tuple[Mode, ShutterTiming | None], ...]
+    modes: tuple[tuple[CalibrationMode, ShutterTiming | None], ...]
     calibration: TimeCalibration
-    nights: tuple[Night, ...]
+    nights: tuple[CalibrationNight, ...]
     satellites: tuple[FoundSatellite, ...]
     measured_on: date
     """Day of the last night."""
     simulated: tuple[Path, ...] = ()
     """Sessions of the simulated observatory, whose shutter is not a real camera's."""
     skipped: Mapping[str, int] = field(default_factory=dict)
-    """Number of unused entries of the orbit files, by reason."""
 
 
-def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -> FoundTiming:
+def calibrate_shutter_timing(
+    folders: Sequence[Path], file: NavigationFile, source: str
+) -> FoundTiming:
     """Calibrate the shutter of each camera mode from recorded nights.
 
     ``source``: names of the orbit files, for messages. Raises SessionError for a folder without a
@@ -136,7 +134,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
     instants = [header_mid_utc_ns(streak) for streak in every]
     expect_covered(file, instants, source)
     for session in sessions:
-        match(session.streaks, session.config.site.to_site(), file.satellites)
+        match_satellites(session.streaks, session.config.site.to_site(), file.satellites)
     used = [streak for streak in every if streak.satellite is not None]
     if not used:
         raise OrbitError(
@@ -150,7 +148,7 @@ def calibrate_time(folders: Sequence[Path], file: NavigationFile, source: str) -
     seen, late_s = _about_the_middle(used, number, sessions, night_of)
     lines_s = _configured_line_times(used, number, exposures, len(modes))
     place_arcsec = SIGMA_KM[file.kind] / _TYPICAL_RANGE_KM / ARCSEC_RAD
-    found = calibrate(
+    found = calibrate_timing(
         seen, modes=len(modes), nights=len(nights), line_time_s=lines_s, place_arcsec=place_arcsec
     )
     if file.kind != "tle":  # whose own errors differ from night to night
@@ -184,11 +182,11 @@ def _by_night(
         return found
     alone: dict[int, list[Estimate]] = {}
     for night in nights:
-        of_it = seen.of(seen.night == night)
+        of_it = seen.subset(seen.night == night)
         of_it = replace(of_it, night=np.zeros_like(of_it.night))
         modes = len(found.modes)
         try:
-            calibrated = calibrate(
+            calibrated = calibrate_timing(
                 of_it, modes=modes, nights=1, line_time_s=line_time_s, place_arcsec=place_arcsec
             )
         except OrbitError:
@@ -287,10 +285,10 @@ def _nights(sessions: Sequence[NightStreaks]) -> list[tuple[date, list[int]]]:
 
 def _night(
     day: date, sessions: Sequence[tuple[int, NightStreaks]], used: Sequence[Streak]
-) -> Night:
+) -> CalibrationNight:
     numbers = {number for number, _ in sessions}
     offsets = [s.clock_offset_s for _, s in sessions if s.clock_offset_s is not None]
-    return Night(
+    return CalibrationNight(
         day=day,
         folders=tuple(session.folder for _, session in sessions),
         streaks=sum(streak.session in numbers for streak in used),
@@ -299,17 +297,17 @@ def _night(
     )
 
 
-def _modes(used: Sequence[Streak]) -> tuple[list[Mode], list[int]]:
+def _modes(used: Sequence[Streak]) -> tuple[list[CalibrationMode], list[int]]:
     """Return the modes, and the mode of each streak; rare exposures share one."""
-    read_outs = [read_out_of(streak.taken) for streak in used]
+    read_outs = [read_out_mode(streak.taken) for streak in used]
     exposures = [streak.taken.exposure_s or 1.0 for streak in used]
-    named: dict[Mode, int] = {}
+    named: dict[CalibrationMode, int] = {}
     number = [0] * len(used)
     for read_out in dict.fromkeys(read_outs):
         of_it = [n for n, each in enumerate(read_outs) if each == read_out]
         for group in _alike(of_it, exposures):
             usual, _ = Counter(exposures[n] for n in group).most_common(1)[0]
-            mode = Mode(
+            mode = CalibrationMode(
                 exposure_s=usual if len(group) >= MIN_MEASUREMENTS else None, read_out=read_out
             )
             for n in group:
@@ -333,7 +331,7 @@ def _configured_line_times(
 ) -> list[float]:
     found = [0.0] * modes
     for streak, mode in zip(used, number, strict=True):
-        found[mode] = shutter_time(streak.taken, exposures[streak.session]).line_time_us * 1e-6
+        found[mode] = frame_timing(streak.taken, exposures[streak.session]).line_time_us * 1e-6
     return found
 
 
@@ -360,7 +358,7 @@ def _about_the_middle(
     for place, chosen in enumerate(_tracks(used)):
         track[chosen] = place
         site = sessions[used[chosen[0]].session].config.site.to_site()
-        match_later([used[n] for n in chosen], site, late_s[mode[chosen]])
+        recompute_offsets([used[n] for n in chosen], site, late_s[mode[chosen]])
     frames: dict[tuple[int, int], int] = {}
     seen = TimedDirections(
         offset_arcsec=np.array([s.offset_arcsec for s in used]),
@@ -373,7 +371,7 @@ def _about_the_middle(
         ),
         track=track,
         length_off_arcsec=_lengths_off(used, track),
-        length_sigma_arcsec=np.array([length_arcsec(s)[1] for s in used]),
+        length_sigma_arcsec=np.array([length_and_sigma_arcsec(s)[1] for s in used]),
         is_by_ends=np.array([s.light is None for s in used]),
         tail=np.ones(len(used)),
         night=np.array([night_of[s.session] for s in used], np.int64),
@@ -387,7 +385,7 @@ def _lengths_off(used: Sequence[Streak], track: npt.NDArray[np.int64]) -> FloatA
     The median is subtracted because a drifting mount makes all streaks of a track longer or shorter
     than the rate predicts.
     """
-    length = np.array([length_arcsec(streak)[0] for streak in used])
+    length = np.array([length_and_sigma_arcsec(streak)[0] for streak in used])
     length -= [float(np.hypot(*s.rate_arcsec_s)) * (s.taken.exposure_s or 0.0) for s in used]
     off = np.full(len(used), np.nan)
     for each in np.unique(track):
@@ -403,13 +401,16 @@ def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
     """Yield the tracks: numbers of one satellite's streaks in a session, until a pause."""
     order = sorted(
         range(len(used)),
-        key=lambda n: (used[n].session, label_of(used[n]), header_mid_utc_ns(used[n])),
+        key=lambda n: (used[n].session, satellite_label(used[n]), header_mid_utc_ns(used[n])),
     )
     track: list[int] = []
     for n in order:
         if track:
             last = used[track[-1]]
-            is_same = (last.session, label_of(last)) == (used[n].session, label_of(used[n]))
+            is_same = (last.session, satellite_label(last)) == (
+                used[n].session,
+                satellite_label(used[n]),
+            )
             if (
                 not is_same
                 or header_mid_utc_ns(used[n]) - header_mid_utc_ns(last) > _PAUSE_S * NS_PER_S
@@ -423,7 +424,7 @@ def _tracks(used: Sequence[Streak]) -> Iterator[list[int]]:
 def _satellites(used: Iterable[Streak]) -> tuple[FoundSatellite, ...]:
     groups: dict[str, list[Streak]] = {}
     for streak in used:
-        groups.setdefault(label_of(streak), []).append(streak)
+        groups.setdefault(satellite_label(streak), []).append(streak)
     found = []
     for streaks in groups.values():
         east, north = np.mean([s.rate_arcsec_s for s in streaks], axis=0)

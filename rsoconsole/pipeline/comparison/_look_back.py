@@ -1,4 +1,4 @@
-"""A frame's streaks against the frame before it: was the same light there already?
+"""Comparison of a frame's streaks with the light in the frame before it.
 
 Light at the same place of the sky in both frames is not a satellite's. Light at the same pixels,
 while the sky moves, is the sensor's own. An object that the telescope keeps pace with also stays at
@@ -12,16 +12,16 @@ from functools import partial
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, Solution
-from rsoconsole.sky import pixel_to_sky, sky_to_pixel, turn_deg
+from rsoconsole.sky import line_angle_deg, pixel_to_sky, sky_to_pixel
 from rsoconsole.vision import (
     Comparison,
     EarlierLight,
     Ends,
     Mapping2d,
-    Profile,
     StarList,
+    StreakProfile,
     compare_stars,
-    earlier_light,
+    compare_with_earlier_frame,
 )
 
 
@@ -33,7 +33,6 @@ class SolvedField:
     stars: StarList
     solution: Solution
     streaks: tuple[Detection, ...] = ()
-    """Streaks detected in it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,12 +51,12 @@ def to_other_frame_px(
     return sky_to_pixel(other.solution.wcs, *pixel_to_sky(here.solution.wcs, x, y))
 
 
-def places_px(stars: StarList) -> FloatArray:
+def star_positions_px(stars: StarList) -> FloatArray:
     """Pixels of the stars, (n, 2) as x, y."""
     return np.stack([stars.x_px, stars.y_px], axis=1)
 
 
-def ends_of(streak: Detection) -> Ends:
+def streak_ends_px(streak: Detection) -> Ends:
     """Ends of a streak: x_a, y_a, x_b, y_b in pixels."""
     return streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
 
@@ -65,17 +64,15 @@ def ends_of(streak: Detection) -> Ends:
 _ONE_WAY_DEG, _ONE_LENGTH = 10.0, 1.4
 """Turn and ratio of lengths up to which two streaks belong to one motion."""
 _BESIDE_SHARE, _BESIDE_FWHM = 0.12, 2.0
-"""Largest distance of a moved streak from its expected place, as a share of its way or in widths of
-a star. Where the mount drifts, the streak's length and direction include the drift, its way does
-not."""
+"""Largest distance of a moved streak from its expected place: share of its way, star widths."""
 
 
 def has_moved_on(streak: Detection, here: SolvedField, before: SolvedField, later_s: float) -> bool:
-    """True where an earlier streak at the place of ``streak`` is now another streak of ``here``.
+    """Return True if an earlier streak at the place of ``streak`` has moved to another place.
 
-    The object of the earlier streak has then moved along its own line, and ``streak`` may be a new
-    object at its former place. ``later_s``: time from the middle of the exposure of ``before`` to
-    the middle of that of ``here``.
+    The earlier object is then another streak of ``here``, further along its line, and ``streak``
+    may be a new object. ``later_s``: seconds between the mid-exposures of ``before`` and
+    ``here``.
     """
     exposure_s = before.frame.exposure_s
     if not exposure_s:
@@ -93,7 +90,7 @@ def _is_alike(one: Detection, other: Detection) -> bool:
     if one.kind != "streak" or min(one.length_px, other.length_px) <= 0.0:
         return False
     ratio = one.length_px / other.length_px
-    turned = abs(turn_deg(one.angle_deg, other.angle_deg))
+    turned = abs(line_angle_deg(one.angle_deg, other.angle_deg))
     return 1.0 / _ONE_LENGTH < ratio < _ONE_LENGTH and turned < _ONE_WAY_DEG
 
 
@@ -140,7 +137,7 @@ _SAME_WAY_DEG, _SAME_LENGTH = 15.0, 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EarlierFrame:
+class FramePair:
     """A frame and the frame before it, ready for the comparison of single streaks."""
 
     here: SolvedField
@@ -149,12 +146,11 @@ class EarlierFrame:
     later_s: float
 
     @classmethod
-    def of(cls, here: SolvedField, before: SolvedField) -> "EarlierFrame | None":
+    def of(cls, here: SolvedField, before: SolvedField) -> "FramePair | None":
         """Prepare the comparison of two frames; None where they cannot be compared.
 
-        They cannot where they differ in size, where they show another field, where their exposures
-        overlap or lie too far apart, where the earlier stars are trailed, or where their stars
-        disagree.
+        Causes: another size or another field, exposures that overlap or lie too far apart, trailed
+        stars in the earlier frame, or stars that disagree.
         """
         later_s = _later_s(here.frame, before.frame)
         is_alike = here.frame.pixels.shape == before.frame.pixels.shape
@@ -165,7 +161,7 @@ class EarlierFrame:
         agree = compare_stars(
             np.stack([x, y], axis=1),
             here.stars.flux[bright],
-            places_px(before.stars),
+            star_positions_px(before.stars),
             before.stars.flux,
             before.stars.median_fwhm_px,
         )
@@ -177,7 +173,7 @@ class EarlierFrame:
         """Compare one streak with the earlier frame; None where the result is unclear."""
         here, before = self.here, self.before
         width_px = max(streak.width_px, here.stars.median_fwhm_px, before.stars.median_fwhm_px)
-        profile = Profile.of(here.frame.pixels, ends_of(streak), width_px)
+        profile = StreakProfile.of(here.frame.pixels, streak_ends_px(streak), width_px)
         if profile is None:
             return None
         light = self._light(
@@ -198,10 +194,16 @@ class EarlierFrame:
         return StreakComparison(comparison="new light") if found == "new" else None
 
     def _light(
-        self, profile: Profile, streak: Detection, to_earlier: Mapping2d | None, flux_ratio: float
+        self,
+        profile: StreakProfile,
+        streak: Detection,
+        to_earlier: Mapping2d | None,
+        flux_ratio: float,
     ) -> EarlierLight | None:
         pixels = self.before.frame.pixels
-        return earlier_light(profile, pixels, to_earlier, snr=streak.snr, flux_ratio=flux_ratio)
+        return compare_with_earlier_frame(
+            profile, pixels, to_earlier, snr=streak.snr, flux_ratio=flux_ratio
+        )
 
     def _may_be_sensors(self, streak: Detection) -> bool:
         """True where the sky has moved enough, and a moving light is no explanation."""
@@ -215,7 +217,7 @@ class EarlierFrame:
     def _keeps_pace(self, streak: Detection, dx: float, dy: float) -> bool:
         """True where a light with this displacement between the frames draws such a streak."""
         angle_deg = math.degrees(math.atan2(dy, dx)) % 180.0
-        if turn_deg(angle_deg, streak.angle_deg) > _SAME_WAY_DEG:
+        if line_angle_deg(angle_deg, streak.angle_deg) > _SAME_WAY_DEG:
             return False
         expected_px = math.hypot(dx, dy) * (self.here.frame.exposure_s or 0.0) / self.later_s
         is_as_long = 1.0 / _SAME_LENGTH < streak.length_px / max(expected_px, 0.1) < _SAME_LENGTH

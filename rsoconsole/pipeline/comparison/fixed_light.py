@@ -1,10 +1,10 @@
-"""Streaks of a solved frame against the frame before it and the star catalogue.
+"""Comparison of a solved frame's streaks with the frame before it and the star catalogue.
 
 One frame alone cannot separate a flashing streak from stars in a row. Light that an earlier frame
-shows at the same places of the sky, or that catalogue stars give, is not a satellite's; light that
-is in neither is not a star's. Light at the same pixels while the sky moves is the sensor's own,
-unless it may belong to an object that the telescope keeps pace with. Frames are compared in the
-order of the record.
+shows at the same places of the sky, or that catalogue stars explain, is not a satellite's; light
+that is in neither is not a star's. Light at the same pixels while the sky moves is the sensor's
+own, unless it may belong to an object that the telescope keeps pace with. Frames are compared in
+the order of the record.
 """
 
 import logging
@@ -16,11 +16,11 @@ import numpy as np
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.pipeline.comparison._look_back import (
-    EarlierFrame,
+    FramePair,
     SolvedField,
     StreakComparison,
-    ends_of,
-    places_px,
+    star_positions_px,
+    streak_ends_px,
 )
 from rsoconsole.records import (
     BelowTau,
@@ -41,12 +41,12 @@ from rsoconsole.vision import (
     Comparison,
     FrameAnalysis,
     Likelihood,
-    catalogue_light,
+    compare_with_catalogue_stars,
+    corrected_by_neighbours,
     is_same_streak,
     match_stars,
     most_likely_class,
     update_probabilities,
-    with_neighbours,
 )
 
 _COMPLETE_MAG = 10.0
@@ -54,8 +54,7 @@ _COMPLETE_MAG = 10.0
 _WIDEST_DEG = 4.0
 """Half a field's diagonal up to which the catalogue is used."""
 _BRIGHTEST, _MAX_STARS = slice(80), 1500
-"""Stars of a frame that are matched with the catalogue's, and the most of those; even the widest
-field has fewer above the magnitude of completeness."""
+"""Brightest stars of a frame that are matched, and largest number of the catalogue's."""
 
 
 def catalogue_stars(
@@ -106,7 +105,7 @@ class KnownStars:
         places, magnitude = known
         stars, fwhm = here.stars, here.stars.median_fwhm_px
         bright = np.flatnonzero(~stars.is_saturated)[_BRIGHTEST]
-        mine, theirs = match_stars(places_px(stars)[bright], places, max(fwhm, 2.0))
+        mine, theirs = match_stars(star_positions_px(stars)[bright], places, max(fwhm, 2.0))
         if len(mine) < MIN_MATCHED:
             return None
         # Magnitude of a star that gives 1 ADU.
@@ -120,11 +119,11 @@ class KnownStars:
 
     def compare(self, streak: Detection) -> StreakComparison | None:
         """Compare one streak with the catalogue; None where the result is unclear."""
-        light = catalogue_light(
+        light = compare_with_catalogue_stars(
             self.here.frame.pixels,
             self.places_px,
             self.light_adu,
-            ends=ends_of(streak),
+            ends=streak_ends_px(streak),
             width_px=max(streak.width_px, self.here.stars.median_fwhm_px),
             complete_adu=self.complete_adu,
         )
@@ -139,7 +138,6 @@ class KnownStars:
 log = logging.getLogger(__name__)
 
 MAX_LOOKS = 8
-"""Largest number of streaks compared in a frame, the most confident first."""
 FIXED_CONFIDENCE = 0.02
 """Factor on the confidence of a streak that is fixed in the sky or on the sensor."""
 _LED_TO: dict[NotAStreakKind, Comparison | None] = {
@@ -151,16 +149,18 @@ _LED_TO: dict[NotAStreakKind, Comparison | None] = {
 _NOTHING = StreakComparison()
 
 
-class FixedLight:
-    """Compares each solved frame with the solved frame before it, whose pixels it keeps."""
+class FrameComparison:
+    """Comparison of each solved frame with the solved frame before it, whose pixels are kept."""
 
     def __init__(self) -> None:
         self._before: SolvedField | None = None
 
-    def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """Return the frame's detections with the results of the comparison; raises nothing.
+    def compared_detections(
+        self, frame: Frame, analysis: FrameAnalysis, solution: Solution
+    ) -> Detections:
+        """Return the frame's detections with the results of the comparison; raise nothing.
 
-        ``frame``: with the pixels that ``analysis`` was made from. To be called once a frame, in
+        ``frame``: with the pixels that ``analysis`` was made from. Call it once for each frame, in
         the order of the record.
         """
         here = SolvedField(
@@ -171,13 +171,13 @@ class FixedLight:
         )
         before, self._before = self._before, here
         asked = _worth_a_look(analysis)
-        return _after(here, analysis, lambda: comparisons_of(here, before, asked))
+        return _after(here, analysis, lambda: compare_streaks(here, before, asked))
 
 
 class RecordedComparison:
-    """Stands in for the comparison with the frame before, from this frame's recorded rejections.
+    """Stand-in comparison for a frame that is reduced again without the frame before it.
 
-    For a frame that is reduced again without the frame before it.
+    It takes the results of the comparison from the frame's recorded rejections.
     """
 
     def __init__(self, recorded: Detections | None) -> None:
@@ -189,15 +189,14 @@ class RecordedComparison:
             if isinstance(each.reason, NotAStreak) and each.reason.kind in _LED_TO
         ]
 
-    def compared(self, frame: Frame, analysis: FrameAnalysis, solution: Solution) -> Detections:
-        """Return the frame's detections with the recorded results, and those of the star catalogue.
-
-        The catalogue is looked up again.
-        """
+    def compared_detections(
+        self, frame: Frame, analysis: FrameAnalysis, solution: Solution
+    ) -> Detections:
+        """Return the detections with the recorded results and a new catalogue comparison."""
         here = SolvedField(frame=frame, stars=analysis.stars, solution=solution)
         asked = _worth_a_look(analysis)
         return _after(
-            here, analysis, lambda: comparisons_of(here, None, asked) | self._words(asked)
+            here, analysis, lambda: compare_streaks(here, None, asked) | self._words(asked)
         )
 
     def _words(self, streaks: list[Detection]) -> dict[Detection, StreakComparison]:
@@ -219,7 +218,9 @@ def _after(
     found = analysis.detections
     try:
         words = compare()
-        return with_comparisons(found, words, analysis.class_shares, here.frame) if words else found
+        return (
+            apply_comparisons(found, words, analysis.class_shares, here.frame) if words else found
+        )
     except Exception:
         # A look beside the frame must not cost the frame.
         log.exception("frame %d: its streaks are not compared", here.frame.frame_id)
@@ -234,18 +235,18 @@ def _worth_a_look(analysis: FrameAnalysis) -> list[Detection]:
     return seen[:MAX_LOOKS]
 
 
-def comparisons_of(
+def compare_streaks(
     here: SolvedField, before: SolvedField | None, streaks: list[Detection]
 ) -> dict[Detection, StreakComparison]:
-    """Compare streaks with the frame before, and with the catalogue where that gives no result.
+    """Compare streaks with the frame before; without a clear result, with the catalogue.
 
-    Returns the clear results by streak; none without streaks, and none where the stars are trailed.
-    ``before``: None: with the catalogue alone.
+    Returns the clear results by streak; empty without streaks or where the stars are trailed.
+    ``before``: None to compare with the catalogue alone.
     """
     if not streaks or here.stars.trail is not None:
         return {}
     words: dict[Detection, StreakComparison] = {}
-    back = None if before is None else EarlierFrame.of(here, before)
+    back = None if before is None else FramePair.of(here, before)
     if back is not None:
         words = {each: word for each in streaks if (word := back.compare(each)) is not None}
     left = [each for each in streaks if each not in words]
@@ -261,15 +262,16 @@ def comparisons_of(
     return words
 
 
-def with_comparisons(
+def apply_comparisons(
     found: Detections,
     words: Mapping[Detection, StreakComparison],
     shares: Mapping[Detection, Likelihood],
     frame: Frame,
 ) -> Detections:
-    """Return the detections with comparisons applied: new classes, and rejected streaks. Pure.
+    """Return the detections with new classes and rejections by the comparisons. Pure.
 
-    ``words``: result of the comparison by streak; ``shares``: likelihood of the classes by streak.
+    ``words``: result of the comparison by streak; ``shares``: likelihood of the classes by
+    streak.
     """
     kept: list[Detection] = []
     rejected: list[Rejection] = []
@@ -288,7 +290,7 @@ def with_comparisons(
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
-    detections = tuple(with_neighbours(kept, per_px))
+    detections = tuple(corrected_by_neighbours(kept, per_px))
     return replace(found, detections=detections, rejected=tuple(rejected))
 
 

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack, decision_records
+from rsoconsole.pipeline.cycle.decisions import FollowedFrames, UntrackedFrames, decision_records
 from rsoconsole.pipeline.cycle.frame_fold import (
     FrameObservations,
-    fold,
+    fold_frame,
     mid_exposure,
     star_history_without_fold,
 )
-from rsoconsole.pipeline.cycle.miss_reasons import StarHistory, cloud_before, stars_of
+from rsoconsole.pipeline.cycle.miss_reasons import StarHistory, cloud_cause, star_statistics
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Glance, Reduction
 from rsoconsole.records import (
     Event,
@@ -37,11 +37,10 @@ class CycleResult:
     reduction: Reduction
     after: Following
     records: tuple[Record, ...]
-    """Records of the frame after ``FrameTaken``, in order."""
 
 
 class Cycle:
-    """Reduces frames and folds them into the tracks, under one configuration."""
+    """Cycle under one configuration: it reduces frames and folds them into the tracks."""
 
     def __init__(self, reducer: FrameReducer, config: Config) -> None:
         self._reducer = reducer
@@ -49,14 +48,13 @@ class Cycle:
         self._stars = StarHistory()
         self.folds = FollowedFrames()
         """Last tracked frames, on which the operator may decide."""
-        self.hand = HandTrack()
+        self.hand = UntrackedFrames()
         """Last frames that belong to no track, on which the operator may also decide."""
         self.cloud: HiddenBy | None = None
         """Cloud by the last frame's stars; None for a clear sky."""
         self.star_count: int | None = None
         """Number of stars of the last frame; None where they were not counted."""
         self._said: set[str] = set()
-        """Kinds of cautions that are already on record."""
 
     def configure(self, config: Config) -> None:
         """Use the settings of ``config`` from the next frame on."""
@@ -75,7 +73,7 @@ class Cycle:
     ) -> FrameObservations:
         self.star_count = reduction.detections.star_count
         if taken.exposure_s is not None:
-            self.cloud = cloud_before(stars_of(taken, reduction.detections), self._stars)
+            self.cloud = cloud_cause(star_statistics(taken, reduction.detections), self._stars)
         return FrameObservations(
             taken=taken,
             detections=reduction.detections,
@@ -116,14 +114,14 @@ class Cycle:
         )
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """Reduce the middle of a frame alone, before the whole frame is run.
+        """Return streaks and plate solution from the middle of a frame alone, before ``run``.
 
-        The middle reaches ``reach_px`` from the centre. Returns None as ``FrameReducer.glance``
-        does.
+        The middle reaches ``reach_px`` from the centre. None as in ``FrameReducer.glance``: no
+        smaller middle, no streak in it, or stars that do not fit the last plate solution.
         """
         return self._reducer.glance(frame, reach_px)
 
-    def look(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
+    def reduce_only(self, frame: Frame) -> tuple[Reduction, tuple[Record, ...]]:
         """Reduce a frame without folding it into the tracks; return (reduction, records)."""
         reduction = self._reducer.reduce(frame)
         observed = self._observed(frame_taken_record(frame), reduction)
@@ -148,7 +146,7 @@ class Cycle:
         mid_exposure(taken, self._config)  # before the work: such a frame cannot be folded
         reduction = self._reducer.reduce(frame)
         observed = self._observed(taken, reduction, orbits)
-        folded = fold(before, self._stars, observed, self._config)
+        folded = fold_frame(before, self._stars, observed, self._config)
         self.folds.add(folded)
         self._stars = folded.stars
         if folded.following.track is None:

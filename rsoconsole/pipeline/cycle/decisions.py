@@ -9,15 +9,19 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Generic, TypeVar
 
 from rsoconsole.config import Config
-from rsoconsole.pipeline.cycle.frame_fold import FoldedFrame, FrameObservations, ReducedFrame, fold
+from rsoconsole.pipeline.cycle.frame_fold import (
+    FoldedFrame,
+    FrameObservations,
+    ReducedFrame,
+    fold_frame,
+)
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
 from rsoconsole.pipeline.frame.marked_frames import HELD
-from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
+from rsoconsole.pipeline.frame.measurement import mid_exposure_utc_ns
 from rsoconsole.records import FollowedAgain, Measurement, Record, Ruling, StateChange
 from rsoconsole.tracking import Following
 
 KEPT = 12
-"""Number of last frames on which a decision is possible: some minutes."""
 TAKEN_BACK = 60
 """Number of further frames for which a decision on a held frame can be taken back."""
 
@@ -25,7 +29,7 @@ TAKEN_BACK = 60
 def decision_records(
     decision: Ruling, again: Sequence[tuple[int, tuple[Record, ...]]]
 ) -> tuple[Record, ...]:
-    """Records of a decision and of the frames folded again by it, in the order of the log.
+    """Return the records of a decision and of the frames folded again, in log order.
 
     ``again``: (number of the frame, its records) for each frame folded again.
     """
@@ -55,10 +59,10 @@ class LastFrames(Generic[OfFrame]):
         self._after_word = after_word
         self._lock = threading.Lock()
 
-    def hold(self, frame_id: int) -> None:
+    def hold_frame(self, frame_id: int) -> None:
         """Hold a frame for a decision; may be called from any thread.
 
-        The frame is one of the last frames, or one still to come; any other number has no effect.
+        The frame is one of the last frames or still to come; another number has no effect.
         """
         with self._lock:
             self._held = {**self._held, frame_id: HELD}
@@ -79,7 +83,7 @@ class LastFrames(Generic[OfFrame]):
         frames = self._open()
         return frames[self._place(frames, frame_id)].observations
 
-    def newest(self) -> FrameObservations:
+    def newest_observations(self) -> FrameObservations:
         """Observations of the last frame. Raises ValueError where there is none."""
         frames = self._frames
         if not frames:
@@ -158,16 +162,19 @@ class FollowedFrames(LastFrames[FoldedFrame]):
             self._frames = ()
             self._held = {}
 
-    def taken(self, frame_id: int) -> Measurement | None:
-        """Measurement that the track accepted in a frame. Raises ValueError as ``shown`` does."""
+    def accepted_measurement(self, frame_id: int) -> Measurement | None:
+        """Return the measurement that the track accepted in a frame; None where it accepted none.
+
+        Raises ValueError where no decision on the frame is possible.
+        """
         frames = self._open()
-        taken = frames[self._place(frames, frame_id)].following.taken
+        taken = frames[self._place(frames, frame_id)].following.lead_measured
         return taken if taken is not None and taken.frame_id == frame_id else None
 
     def apply(self, decision: Ruling) -> tuple[FoldedFrame, ...]:
         """Fold the frame of a decision and all later frames again; return them in order.
 
-        Raises ValueError as ``shown`` does.
+        Raises ValueError where no decision on the frame is possible.
         """
         place = self._place(self._frames, decision.frame_id)
         before = self._frames[place].before
@@ -176,7 +183,7 @@ class FollowedFrames(LastFrames[FoldedFrame]):
             observed = old.observations
             if not again:
                 observed = _decided(observed, decision)
-            again.append(fold(before, old.stars_before, observed, old.config))
+            again.append(fold_frame(before, old.stars_before, observed, old.config))
             before = again[-1].following
         self._frames = (*self._frames[:place], *again)
         with self._lock:
@@ -201,8 +208,8 @@ class _Made:
     last_track_id: int
 
 
-class HandTrack(LastFrames[ReducedFrame]):
-    """The last frames that belong to no track, in which the operator may mark one by hand."""
+class UntrackedFrames(LastFrames[ReducedFrame]):
+    """The last frames that belong to no track, in which an object may be marked by hand."""
 
     DONE = "looked at"
 
@@ -213,7 +220,7 @@ class HandTrack(LastFrames[ReducedFrame]):
 
     def add(self, observed: FrameObservations, config: Config) -> None:
         """Add a frame; a frame without a time is ignored, as it cannot be part of a track."""
-        if shutter_mid_utc_ns(observed.taken, config.exposure) is not None:
+        if mid_exposure_utc_ns(observed.taken, config.exposure) is not None:
             plain = replace(observed, orbits={}, decision=None, decisions=0)
             with self._lock:
                 self._count_frame()
@@ -230,19 +237,22 @@ class HandTrack(LastFrames[ReducedFrame]):
                 for each in self._frames
             )[-KEPT:]
 
-    def taken(self, frame_id: int) -> Measurement | None:
-        """Measurement that the operator marked in a frame. Raises ValueError as ``shown`` does."""
+    def accepted_measurement(self, frame_id: int) -> Measurement | None:
+        """Return the measurement that the operator marked in a frame; None where there is none.
+
+        Raises ValueError where no decision on the frame is possible.
+        """
         decision = self.shown(frame_id).decision
         return None if decision is None else decision.taken
 
     def apply(
         self, decision: Ruling, kept: Following | None, last_track_id: int
     ) -> tuple[Following | None, list[tuple[int, tuple[Record, ...]]]]:
-        """Apply the operator's decision on a frame; return (kept track, frames folded by it).
+        """Apply the operator's decision on a frame; return the track and the frames folded again.
 
-        ``kept``: track kept before the first decision; ``last_track_id``: last id given in the
-        session. Of each folded frame the number and the records are returned. Raises ValueError as
-        ``shown`` does.
+        ``kept``: track before the first decision; ``last_track_id``: last id given in the session.
+        Each folded frame is returned as (number, records). Raises ValueError where no decision on
+        the frame is possible.
         """
         place = self._place(self._frames, decision.frame_id)
         old = self._frames[place]
@@ -293,7 +303,7 @@ def _goes_on(made: _Made, marked: ReducedFrame) -> bool:
     """True where a frame is later than the whole kept track."""
     if made.kept is None or made.kept.track is None:
         return False
-    t_mid_ns = shutter_mid_utc_ns(marked.observations.taken, marked.config.exposure)
+    t_mid_ns = mid_exposure_utc_ns(marked.observations.taken, marked.config.exposure)
     return t_mid_ns is not None and t_mid_ns > made.kept.track.t_utc_ns
 
 
@@ -312,6 +322,6 @@ def _begun(following: Following) -> _Made:
 def _folded(before: Following, marked: ReducedFrame) -> tuple[Following, tuple[Record, ...]]:
     """Fold a frame with the operator's mark alone; changes of state are left out of the records."""
     observed = replace(marked.observations, measurements=())
-    folded = fold(before, StarHistory(), observed, marked.config)
+    folded = fold_frame(before, StarHistory(), observed, marked.config)
     kept = tuple(each for each in folded.records if not isinstance(each, StateChange))
     return folded.following, kept

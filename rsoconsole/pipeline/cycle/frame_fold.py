@@ -1,4 +1,4 @@
-"""The fold: tracks after a frame, from the records alone. Pure: no pixels, no memory."""
+"""The fold of a frame: tracks after it, from the records alone. Pure, without pixels."""
 
 import functools
 import statistics
@@ -7,20 +7,20 @@ from dataclasses import dataclass, field
 
 from rsoconsole.base import FrameError
 from rsoconsole.config import Config
-from rsoconsole.orbits import orbit_from_record, orbit_path_bend, predict_motion
+from rsoconsole.orbits import expected_sky_acceleration, orbit_from_record, predict_motion
 from rsoconsole.pipeline.cycle.miss_reasons import (
     StarHistory,
-    explain_absence,
-    stars_of,
+    miss_with_causes,
+    star_statistics,
     updated_star_history,
 )
 from rsoconsole.pipeline.frame.measurement import (
-    at_its_row,
-    calibrated_for,
-    shutter_mid_utc_ns,
-    shutter_time,
+    calibrated_timing,
+    frame_timing,
+    mid_exposure_utc_ns,
+    with_row_time,
 )
-from rsoconsole.pipeline.frame.reduce import miss_by_own_records
+from rsoconsole.pipeline.frame.reduce import miss_from_frame_records
 from rsoconsole.records import (
     Detections,
     Frame,
@@ -47,10 +47,10 @@ from rsoconsole.tracking.filters import estimator
 
 
 def may_orbit_guide(config: Config) -> bool:
-    """True where an orbit may set the aim point and continue a track that the filter loses.
+    """Return True if an orbit may set the aim point and continue a track that is lost.
 
-    It may with ``orbit.guide`` "when better", but not with preset ``paper``, which is the paper's
-    whole loop: its filter alone leads.
+    It may with ``orbit.guide`` "when better", except with preset ``paper``, which uses the filter
+    alone.
     """
     return config.orbit.guide == "when better" and config.filter.preset != "paper"
 
@@ -66,9 +66,7 @@ class FrameObservations:
     decision: Ruling | None = None
     """The operator's decision on the frame; None without one."""
     decisions: int = 0
-    """Number of decisions made on the frame."""
     orbits: Mapping[int, OrbitEstimate] = field(default_factory=dict)
-    """Last orbit of each track on record when the frame was taken, by track id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,10 +91,9 @@ class FoldedFrame(ReducedFrame):
     following: Following
     stars: StarHistory
     records: tuple[Record, ...]
-    """Records of the fold, in order."""
 
 
-def fold(
+def fold_frame(
     before: Following, stars_before: StarHistory, observed: FrameObservations, config: Config
 ) -> FoldedFrame:
     """Fold one frame into the tracks. Pure. Raises FrameError for a frame without a time.
@@ -106,15 +103,15 @@ def fold(
     """
     taken = observed.taken
     t_mid_ns, exposure_s = mid_exposure(taken, config)
-    stars = stars_of(taken, observed.detections)
+    stars = star_statistics(taken, observed.detections)
     plain = Missed(kind="nothing fits")
     if not observed.measurements:
-        plain = miss_by_own_records(observed.detections, observed.solution, t_mid_ns)
+        plain = miss_from_frame_records(observed.detections, observed.solution, t_mid_ns)
     elif all(m.is_crossing for m in observed.measurements):
         plain = ONLY_CROSSING
     # Asked for by misses alone: the Sun and the Earth's shadow cost more than all the rest.
     absence = functools.partial(
-        explain_absence,
+        miss_with_causes,
         plain,
         stars=stars,
         stars_before=stars_before,
@@ -124,9 +121,9 @@ def fold(
         blocked=taken.blocked,
     )
     decision = observed.decision or Ruling(frame_id=taken.frame_id)
-    shutter = shutter_time(taken, config.exposure)
-    refused = tuple(at_its_row(m, t_mid_ns, shutter) for m in decision.refused)
-    chosen = decision.taken and at_its_row(decision.taken, t_mid_ns, shutter)
+    shutter = frame_timing(taken, config.exposure)
+    refused = tuple(with_row_time(m, t_mid_ns, shutter) for m in decision.refused)
+    chosen = decision.taken and with_row_time(decision.taken, t_mid_ns, shutter)
     # The decision's own instant is the recorded one: another where its latency is tried.
     measurements = tuple(m for m in observed.measurements if m not in refused)
     if chosen is not None and chosen not in measurements:
@@ -201,7 +198,7 @@ def _by_orbit(
     motion = predict_motion(orbit_from_record(orbit), config.site.to_site(), t_mid_ns)
     if motion is None:
         return None
-    state = estimator.restarted_from(
+    state = estimator.restarted_track(
         (motion.ra_icrs_deg, motion.dec_icrs_deg),
         motion.rate_arcsec_s,
         motion.covariance,
@@ -225,7 +222,7 @@ def mid_exposure(taken: FrameTaken, config: Config) -> tuple[int, float]:
 
     The mid-exposure is the header's, corrected for the shutter's known delay.
     """
-    t_mid_ns = shutter_mid_utc_ns(taken, config.exposure)
+    t_mid_ns = mid_exposure_utc_ns(taken, config.exposure)
     if t_mid_ns is None or taken.exposure_s is None:
         raise FrameError(
             f"{taken.name} has no DATE-OBS or EXPTIME: it can be detected and solved,"
@@ -241,7 +238,7 @@ def star_history_without_fold(
     if observed.taken.exposure_s is None:
         return stars_before
     return updated_star_history(
-        stars_before, stars_of(observed.taken, observed.detections), observed.solution
+        stars_before, star_statistics(observed.taken, observed.detections), observed.solution
     )
 
 
@@ -252,6 +249,6 @@ def follow_settings(config: Config, frame: Frame | FrameTaken) -> FollowSettings
         filter=config.filter,
         half_field_deg=half_field_px * config.optics.scale_arcsec_px / 3600.0,
         choice=config.search.follow,
-        bend=functools.partial(orbit_path_bend, config.site.to_site()),
-        is_shutter_known=calibrated_for(frame, config.exposure) is not None,
+        bend=functools.partial(expected_sky_acceleration, config.site.to_site()),
+        is_shutter_known=calibrated_timing(frame, config.exposure) is not None,
     )

@@ -50,8 +50,8 @@ _STEP_S = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stars:
-    """Stars of one frame."""
+class StarStatistics:
+    """Count and median flux of the stars in one frame."""
 
     count: int
     flux_adu_s: float | None
@@ -64,15 +64,15 @@ class Stars:
 class StarHistory:
     """Stars of the last solved frames that showed the present part of the sky."""
 
-    frames: tuple[Stars, ...] = ()
+    frames: tuple[StarStatistics, ...] = ()
     centre_icrs_deg: tuple[float, float] | None = None
 
     def usual_count(self, sensor_px: int) -> int | None:
-        """Star count of the clearest frames (90th percentile); None for too few frames.
+        """Return the star count of the clearest frames (90th percentile).
 
-        ``sensor_px``: number of the sensor's pixels that are read now. Counts of frames that read
-        more are reduced in proportion. Those of frames that read fewer are not raised, as only the
-        brightest hundreds of stars are counted. At least ``MIN_FRAMES`` frames are needed.
+        ``sensor_px``: number of unbinned sensor pixels read in the present frame. The count of a
+        frame that read more pixels is scaled down in proportion; that of a smaller frame is not
+        scaled up. None with fewer than ``MIN_FRAMES`` frames.
         """
         counts = sorted(
             stars.count
@@ -83,11 +83,11 @@ class StarHistory:
         return counts[(len(counts) - 1) * 9 // 10] if len(counts) >= MIN_FRAMES else None
 
     def usual_flux_adu_s(self, sensor_px: int) -> float | None:
-        """Star flux of the clearest frames (90th percentile); None for too few frames.
+        """Return the star flux, ADU/s, of the clearest frames (90th percentile).
 
-        ``sensor_px``: number of the sensor's pixels that are read now. Only frames that read as
-        many count: in a smaller part the brightest stars are fainter. At least ``MIN_FRAMES`` of
-        them are needed.
+        ``sensor_px``: number of unbinned sensor pixels read in the present frame. Only frames with
+        the same number count, because a smaller part of the sensor shows fewer bright stars. None
+        with fewer than ``MIN_FRAMES`` of them.
         """
         known = sorted(
             stars.flux_adu_s
@@ -97,8 +97,8 @@ class StarHistory:
         return known[(len(known) - 1) * 9 // 10] if len(known) >= MIN_FRAMES else None
 
 
-def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
-    """Return the stars of a frame by its records; None where they were not counted."""
+def star_statistics(taken: FrameTaken, detections: Detections) -> StarStatistics | None:
+    """Return the star statistics of a frame; None without a star count or exposure time."""
     exposure_s = taken.exposure_s
     if detections.star_count is None or exposure_s is None:
         return None
@@ -106,17 +106,19 @@ def stars_of(taken: FrameTaken, detections: Detections) -> Stars | None:
     binning = None if taken.camera is None else taken.camera.binning
     # Pixels of the sensor on each axis of one of the frame's.
     joined = 1 if binning is None else int(binning.split("x")[0])
-    return Stars(
+    return StarStatistics(
         count=detections.star_count,
         flux_adu_s=None if flux_adu is None or exposure_s <= 0.0 else flux_adu / exposure_s,
         sensor_px=taken.width_px * taken.height_px * joined**2,
     )
 
 
-def updated_star_history(before: StarHistory, stars: Stars | None, solution: object) -> StarHistory:
-    """Return the history after one frame; it changes with a solved frame whose stars are counted.
+def updated_star_history(
+    before: StarHistory, stars: StarStatistics | None, solution: object
+) -> StarHistory:
+    """Return the star history with one more frame; unchanged without a solution or star count.
 
-    Frames of another part of the sky (``SAME_SKY_DEG``) begin a new history.
+    A frame more than ``SAME_SKY_DEG`` from the last one begins a new history.
     """
     if stars is None or not isinstance(solution, Solution):
         return before
@@ -127,34 +129,34 @@ def updated_star_history(before: StarHistory, stars: Stars | None, solution: obj
     return StarHistory(frames=frames[-KEPT_FRAMES:], centre_icrs_deg=centre)
 
 
-def explain_absence(
+def miss_with_causes(
     plain: Missed,
     *,
-    stars: Stars | None,
+    stars: StarStatistics | None,
     stars_before: StarHistory,
     track: TrackState | None,
     site: Site,
     t_utc_ns: int,
     blocked: SlewRefusal | None = None,
 ) -> Missed:
-    """Return ``plain`` with the causes of the miss, most certain first; without any if unknown.
+    """Return the miss ``plain`` with its likely causes added, most certain first.
 
-    ``blocked``: reason why the slew to the track was refused. Without a track only cloud is a
-    cause.
+    ``blocked``: reason why the slew to the track was refused. Without a track, cloud is the only
+    possible cause. Where no cause is found, ``hidden_by`` is empty.
     """
     is_refused = blocked is not None and track is not None
     causes = (
         HiddenBy(kind="slew refused", refusal=blocked) if is_refused else None,
-        cloud_before(stars, stars_before),
-        None if track is None else eclipse_of(track, site, t_utc_ns),
+        cloud_cause(stars, stars_before),
+        None if track is None else eclipse_cause(track, site, t_utc_ns),
     )
     return replace(plain, hidden_by=tuple(cause for cause in causes if cause is not None))
 
 
-def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
-    """Return cloud as a cause where stars are gone, or are far fewer or fainter than before.
+def cloud_cause(stars: StarStatistics | None, before: StarHistory) -> HiddenBy | None:
+    """Return cloud as the cause of a miss; None for a clear sky, or without a star count.
 
-    None for a clear sky. ``before``: star history before the frame.
+    Stars are very few, or far fewer or fainter than in the history ``before`` the frame.
     """
     if stars is None:
         return None
@@ -171,10 +173,10 @@ def cloud_before(stars: Stars | None, before: StarHistory) -> HiddenBy | None:
     return None
 
 
-def eclipse_of(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
-    """Return an eclipse as a cause where a geostationary-like track is in the Earth's shadow.
+def eclipse_cause(track: TrackState, site: Site, t_utc_ns: int) -> HiddenBy | None:
+    """Return an eclipse as the cause of a miss, for a geostationary-like track.
 
-    None for any other track, and outside the shadow.
+    None outside the Earth's shadow, and for any other track.
     """
     if not is_geostationary_like(track):
         return None
@@ -203,10 +205,10 @@ def direction_at(track: TrackState, t_utc_ns: int) -> tuple[float, float]:
 def next_eclipse_utc_ns(
     direction_icrs_deg: tuple[float, float], site: Site, t_utc_ns: int
 ) -> int | None:
-    """Begin of the next eclipse of a geostationary satellite in this direction, UTC ns.
+    """Return the start of a geostationary satellite's next eclipse, UTC ns, to the second.
 
-    It is computed to the second. For a satellite in eclipse it is ``t_utc_ns`` itself; without an
-    eclipse within a day it is None. The satellite is assumed to stand still over the ground.
+    The satellite is assumed to stay fixed over the ground. Returns ``t_utc_ns`` where it is in
+    eclipse already, None where no eclipse begins within a day.
     """
     start_km = _at_geo_km(direction_icrs_deg, site, t_utc_ns)
     pole = cirs_to_gcrs(t_utc_ns)[:, 2]

@@ -26,15 +26,15 @@ class Score:
     """Natural logarithm of the determinant, in arcsec^4, of the innovation's covariance."""
 
     @property
-    def stated_sigma_arcsec(self) -> float:
-        """Predicted sigma, the geometric mean over both axes."""
+    def predicted_sigma_arcsec(self) -> float:
+        """Sigma of the innovation as predicted, the geometric mean of both axes, arcsec."""
         return math.exp(self.log_size / 4.0)
 
     @property
     def score(self) -> float:
-        """Minus twice the logarithm of the predicted density at the measurement, less a constant.
+        """-2 log of the probability density predicted for the measurement, up to a constant.
 
-        Smaller is better.
+        A smaller value is better.
         """
         return self.nis + self.log_size
 
@@ -45,11 +45,10 @@ class PredictorScores:
     def __init__(self) -> None:
         self._scores: deque[tuple[Score, Score]] = deque(maxlen=WINDOW)
         self.is_orbit_ahead = False
-        """True where the orbit predicts better."""
         self._failed = ""
         """Words on the filter's last failure; empty where its NIS is not known."""
 
-    def compare(self, by_orbit: Score, by_filter: Score) -> None:
+    def add_scores(self, by_orbit: Score, by_filter: Score) -> None:
         """Add one measurement that both predicted, and decide which of them is better."""
         self._scores.append((by_orbit, by_filter))
         if len(self._scores) >= _LEAST:
@@ -68,11 +67,13 @@ class PredictorScores:
         self._failed = f": NIS {nis:.1f} by that, gate {gate_nis:.1f}" if known else ""
 
     @property
-    def is_close(self) -> bool:
-        """True where the mean predicted sigmas agree within a tenth, or in the digits shown."""
+    def has_similar_sigmas(self) -> bool:
+        """True where both mean predicted sigmas agree within 10 %, or as rounded to 0.1 arcsec."""
         if not self._scores:
             return False
-        ours, theirs = (fmean(each[n].stated_sigma_arcsec for each in self._scores) for n in (0, 1))
+        ours, theirs = (
+            fmean(each[n].predicted_sigma_arcsec for each in self._scores) for n in (0, 1)
+        )
         return abs(ours - theirs) < _CLOSE * max(ours, theirs) or f"{ours:.1f}" == f"{theirs:.1f}"
 
     @property
@@ -92,5 +93,5 @@ class PredictorScores:
 
 
 def _fared(scores: Sequence[Score]) -> str:
-    width = fmean(each.stated_sigma_arcsec for each in scores)
+    width = fmean(each.predicted_sigma_arcsec for each in scores)
     return f"±{width:.1f}″, NIS {fmean(each.nis for each in scores):.1f}"

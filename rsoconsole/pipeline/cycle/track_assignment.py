@@ -1,4 +1,4 @@
-"""Assignment of measurements to tracks, as the records name it."""
+"""Assignment of a session's measurements to its tracks, from the records."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -19,8 +19,7 @@ from rsoconsole.records import (
 from rsoconsole.tracking import Following
 
 WHOLE = 32
-"""Number of a track's last steps that stay whole, more than an operator's decision reaches back; of
-older ones only the accepted measurement is kept. A begun mark reaches further."""
+"""Number of a track's last steps that stay whole; a begun mark reaches further."""
 
 
 @dataclass(slots=True)
@@ -28,9 +27,7 @@ class Track:
     """Track with its measurements, those that began it included."""
 
     measurements: list[Measurement]
-    """Measurements in order of time."""
     last: TrackState
-    """State of the filter after the last measurement."""
     predicted: TrackState | None = None
     """State that the filter predicted for the last measurement; None where that began the track."""
 
@@ -61,11 +58,8 @@ class TrackAssignment:
 
     def __init__(self) -> None:
         self._frames: dict[int, dict[int, _Steps]] = {}
-        """Steps by frame, then by track."""
         self._measured: dict[str, Measurement] = {}
-        """Measurements by id."""
         self._whole: dict[int, deque[_Steps]] = {}
-        """Last steps of each track with an accepted measurement."""
         self._known: dict[int, Track] = {}
         """Tracks up to a frame, so that each frame is processed once."""
         self._known_to = -1
@@ -121,7 +115,7 @@ class TrackAssignment:
         """Number of the newest frame for which any track was predicted; -1 before the first."""
         return max(self._frames, default=-1)
 
-    def live(self) -> list[Track]:
+    def live_tracks(self) -> list[Track]:
         """Return the tracks that continue in the newest frame with a prediction, the lead first."""
         if not self._frames:
             return []
@@ -162,8 +156,7 @@ class TrackAssignment:
 
 NS = 1_000_000_000
 KEPT_S = 900.0
-"""Longest time that a track is kept after disarming, STOP, a new search or a fault, s: beyond it
-the checklist is due, and a track without measurements is hardly found where predicted."""
+"""Longest time that a track is kept after disarming, STOP, a new search or a fault, s."""
 _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
     ("limit met", "too many limits", "clock set", "night ended", "engine ended", "resumed")
 )
@@ -173,21 +166,24 @@ _LEAVES_NOTHING: frozenset[CauseKind] = frozenset(
 def kept_until_utc_ns(
     kept: Following, settings: FilterConfig, now_utc_ns: int, *, is_lent: bool
 ) -> int:
-    """Return the last instant at which a track kept from now on can be followed again.
+    """Return the last instant, UTC ns, at which an interrupted track can be resumed.
 
-    ``kept``: state with that track; ``is_lent``: the operator has taken control from autonomy and
-    moves the mount by hand: the track is then kept for as long as it would be coasted.
+    ``kept``: state with the track; ``is_lent``: True where the operator moves the mount by hand:
+    the track can then be resumed for as long as it could have coasted, else for ``KEPT_S`` at
+    most.
     """
-    seen_ns = now_utc_ns if kept.taken is None else kept.taken.t_mid_utc_ns
+    seen_ns = now_utc_ns if kept.lead_measured is None else kept.lead_measured.t_mid_utc_ns
     until_ns = seen_ns + round(settings.max_coast_s * NS)
     return until_ns if is_lent else min(until_ns, now_utc_ns + round(KEPT_S * NS))
 
 
-def kept_after(change: StateChange, before: Following, kept: Following | None) -> Following | None:
-    """Return the track that can be followed again after a change of state from outside, or None.
+def resumable_state_after(
+    change: StateChange, before: Following, kept: Following | None
+) -> Following | None:
+    """Return the state of the track that can be resumed after a change of state; or None.
 
-    ``before``: state before the change; ``kept``: track that could be followed again before the
-    change.
+    ``change``: not caused by a frame; ``before``: state before it; ``kept``: state that could be
+    resumed until then.
     """
     if change.reason.kind in _LEAVES_NOTHING:
         return None

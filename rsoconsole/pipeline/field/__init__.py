@@ -1,1 +1,1 @@
-"""Lines and moving points of frames, matched with the catalogued objects that crossed."""
+"""Matching of streaks and moving points in frames with catalogued objects."""

@@ -17,20 +17,20 @@ from rsoconsole.orbits import (
     FieldCatalogue,
     FieldMatch,
     FieldOfView,
-    Line,
     LineMatch,
+    StreakLine,
     match_field,
 )
-from rsoconsole.pipeline.field.field_points import Mover, Points, movers_of, points_of
+from rsoconsole.pipeline.field.field_points import FramePoints, Mover, find_movers, frame_points
 from rsoconsole.pipeline.frame.calibration import Calibration
-from rsoconsole.pipeline.frame.measurement import measure, shutter_mid_utc_ns, shutter_time
-from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder
+from rsoconsole.pipeline.frame.measurement import frame_timing, measure, mid_exposure_utc_ns
+from rsoconsole.pipeline.frame.plate import FixedPlateSource, PlateFinder
 from rsoconsole.pipeline.frame.reduce import FrameReducer
-from rsoconsole.pipeline.orbits.expected import errors_of
+from rsoconsole.pipeline.orbits.expected import catalogue_errors
 from rsoconsole.records import BelowTau, Detection, FloatArray, Frame, NotSolved, Solution
 from rsoconsole.sky import (
     ARCSEC_RAD,
-    describe,
+    describe_field,
     direction_to_unit,
     pixel_to_sky,
     sky_to_pixel,
@@ -61,9 +61,8 @@ class FieldFrame:
     """Accepted detections, then those below tau, which count only where an object explains one."""
     taken: int
     """Number of accepted detections, the first of ``detections``."""
-    lines: tuple[Line, ...]
-    """Lines on the sky, one for each detection."""
-    points: Points
+    lines: tuple[StreakLine, ...]
+    points: FramePoints
     notes: tuple[str, ...]
 
     def contains(self, u: FloatArray) -> np.ndarray:
@@ -74,7 +73,7 @@ class FieldFrame:
                 (x >= -0.5) & (x <= self.width_px - 0.5) & (y >= -0.5) & (y <= self.height_px - 0.5)
             )
 
-    def view(self, config: Config) -> FieldOfView:
+    def field_of_view(self, config: Config) -> FieldOfView:
         """Return the field of view of the frame, in which catalogued objects are looked up."""
         wcs = self.solution.wcs
         x = np.array([-0.5, self.width_px - 0.5, -0.5, self.width_px - 0.5])
@@ -93,7 +92,7 @@ class FieldFrame:
         )
 
 
-class FieldPlate(GivenPlate):
+class FieldPlateFinder(FixedPlateSource):
     """Finds the plate solution of a frame: by the solver, or from the frame's header."""
 
     def __init__(self, finder: PlateFinder | None, no_solver: str, mode: PlateMode) -> None:
@@ -132,7 +131,7 @@ class FieldPlate(GivenPlate):
     def _of_header(self, frame: Frame, why: str) -> Solution | NotSolved:
         try:
             wcs = wcs_from_cards(frame.header)
-            field = describe(wcs, frame.width_px, frame.height_px)
+            field = describe_field(wcs, frame.width_px, frame.height_px)
         except FrameError as error:
             return NotSolved(frame_id=frame.frame_id, reason=str(error), ms=0.0)
         self.source, self.why_header = "header", why
@@ -154,13 +153,13 @@ class FieldPlate(GivenPlate):
 class FieldReader:
     """Reads single frames: plate solution, lines and points of each."""
 
-    def __init__(self, reducer: FrameReducer, plate: FieldPlate, config: Config) -> None:
+    def __init__(self, reducer: FrameReducer, plate: FieldPlateFinder, config: Config) -> None:
         self._reducer, self._plate, self._config = reducer, plate, config
         self._calibration = Calibration(config)
 
     def read(self, frame: Frame) -> FieldFrame:
-        """Read one frame. Raises FrameError naming what is missing: the time, or the plate."""
-        t_mid_utc_ns = shutter_mid_utc_ns(frame, self._config.exposure)
+        """Reduce one frame. Raises FrameError where its time or its plate solution is missing."""
+        t_mid_utc_ns = mid_exposure_utc_ns(frame, self._config.exposure)
         if t_mid_utc_ns is None or frame.exposure_s is None:
             raise FrameError(
                 f"{frame.name}: no time of exposure: DATE-OBS (UTC) and EXPTIME are needed in the"
@@ -181,9 +180,9 @@ class FieldReader:
             if isinstance(each.reason, BelowTau) and each.detection.method == "line"
         )
         strangers = max(_FAINT_STRANGERS, float(len(faint)))
-        lines = [line_of(each, solution, frame, self._config) for each in taken]
+        lines = [sky_line(each, solution, frame, self._config) for each in taken]
         lines += [
-            replace(line_of(each, solution, frame, self._config), strangers=strangers)
+            replace(sky_line(each, solution, frame, self._config), strangers=strangers)
             for each in faint
         ]
         notes = [each.words for each in reduction.cautions]
@@ -199,7 +198,7 @@ class FieldReader:
             detections=(*taken, *faint),
             taken=len(taken),
             lines=tuple(lines),
-            points=points_of(stars, solution, t_mid_utc_ns, frame, taken, self._config),
+            points=frame_points(stars, solution, t_mid_utc_ns, frame, taken, self._config),
             notes=tuple(notes),
         )
 
@@ -225,11 +224,11 @@ def open_field_reader(config: Config, mode: PlateMode) -> Iterator[FieldReader]:
                 if mode == "solve":
                     raise
                 why = str(error)
-        plate = FieldPlate(finder, why, mode)
+        plate = FieldPlateFinder(finder, why, mode)
         yield FieldReader(FrameReducer(network, curve, plate, config), plate, config)
 
 
-def line_of(detection: Detection, solution: Solution, frame: Frame, config: Config) -> Line:
+def sky_line(detection: Detection, solution: Solution, frame: Frame, config: Config) -> StreakLine:
     """Return a detection as a line on the sky."""
     x = np.array([detection.x_a_px, detection.x_b_px, detection.x_px])
     y = np.array([detection.y_a_px, detection.y_b_px, detection.y_px])
@@ -246,14 +245,14 @@ def line_of(detection: Detection, solution: Solution, frame: Frame, config: Conf
     east, both, north = (0.0, 0.0, 0.0) if measured is None else measured.cov_sky_arcsec2
     # A light of some width has ends less sure than its middle.
     length_px = 2.0 * detection.sigma_along_px + 0.5 * max(detection.width_px, 1.0)
-    return Line(
+    return StreakLine(
         a=a,
         b=b,
         middle=middle,
         is_end_a=is_end_a,
         is_end_b=is_end_b,
         is_ordered=False,
-        after_s=detection.y_px * shutter_time(frame, config.exposure).line_time_us * 1e-6,
+        after_s=detection.y_px * frame_timing(frame, config.exposure).line_time_us * 1e-6,
         cov_sky_rad2=(east * ARCSEC_RAD**2, both * ARCSEC_RAD**2, north * ARCSEC_RAD**2),
         sigma_direction_rad=math.radians(sigma_deg),
         sigma_length_rad=length_px * scale_rad,
@@ -292,8 +291,8 @@ class FrameMatches:
     too_old: int
 
     @property
-    def crossed(self) -> tuple[int, ...]:
-        """Indices of the candidates that crossed the frame or were seen in it, likeliest first."""
+    def crossing_indices(self) -> tuple[int, ...]:
+        """Indices in ``candidates`` of objects that probably crossed the frame, likeliest first."""
         chances = [
             max(each.chance, taken)
             for each, taken in zip(self.candidates, self.match.taken, strict=True)
@@ -316,11 +315,11 @@ class CatalogueMatcher:
 
     def __init__(self, config: Config, entries: Sequence[CatalogueEntry]) -> None:
         self._config = config
-        self._catalogue = FieldCatalogue(entries, errors_of(config.catalogue))
+        self._catalogue = FieldCatalogue(entries, catalogue_errors(config.catalogue))
 
-    def frame(self, frame: FieldFrame) -> FrameMatches:
+    def match_frame(self, frame: FieldFrame) -> FrameMatches:
         """Match the lines of one frame with the catalogued objects in its field."""
-        view = frame.view(self._config)
+        view = frame.field_of_view(self._config)
         candidates = self._catalogue.candidates(view)
         match = match_field(view, candidates, frame.lines)
         kept = [
@@ -338,16 +337,16 @@ class CatalogueMatcher:
             candidates=candidates,
             match=FieldMatch(lines=lines, taken=tuple(min(each, 1.0) for each in taken)),
             detections=tuple(frame.detections[n] for n in kept),
-            compared=self._catalogue.compared,
-            too_old=self._catalogue.too_old,
+            compared=self._catalogue.compared_count,
+            too_old=self._catalogue.too_old_count,
         )
 
-    def movers(self, frames: Sequence[FieldFrame]) -> tuple[MoverMatches, ...]:
+    def match_movers(self, frames: Sequence[FieldFrame]) -> tuple[MoverMatches, ...]:
         """Find the points that move through the frames, and match them with the catalogue.
 
         ``frames``: in order of time.
         """
-        found = movers_of([each.points for each in frames])
+        found = find_movers([each.points for each in frames])
         answers: dict[int, MoverMatches] = {}
         groups: dict[tuple[int, int], list[int]] = {}
         for place, mover in enumerate(found):
@@ -355,7 +354,7 @@ class CatalogueMatcher:
         for (first, last), places in groups.items():
             movers = [found[n] for n in places]
             middle = frames[(first + last) // 2]
-            view = _view_of(movers, middle.view(self._config))
+            view = _view_of(movers, middle.field_of_view(self._config))
             candidates = self._catalogue.candidates(view)
             match = match_field(view, candidates, [each.line for each in movers])
             for n, mover, matched in zip(places, movers, match.lines, strict=True):

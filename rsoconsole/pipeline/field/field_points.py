@@ -1,8 +1,8 @@
 """Points that move through several frames. Pure.
 
-A point that is at its place of the sky in one frame alone is no star. Such points are linked into
-movers (``tracking.link``): at least three points on a straight line at constant speed, far likelier
-than chance.
+A point found at its place on the sky in one frame only is not a star. Such points are linked into
+movers (``tracking.link``): at least three points on a straight line at constant speed, where chance
+is an unlikely explanation.
 """
 
 import math
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.config import Config
-from rsoconsole.orbits import Line
-from rsoconsole.pipeline.frame.measurement import AIR_ARCSEC_ROOT_S, shutter_time
+from rsoconsole.orbits import StreakLine
+from rsoconsole.pipeline.frame.measurement import AIR_ARCSEC_ROOT_S, frame_timing
 from rsoconsole.records import Detection, FloatArray, Frame, Solution
 from rsoconsole.sky import ARCSEC_RAD, direction_to_unit, pixel_to_sky, unit_to_direction
-from rsoconsole.tracking import MotionPrior, Plane, link_points
+from rsoconsole.tracking import MotionPrior, TangentPlane, link_points
 from rsoconsole.vision import StarList
 from rsoconsole.words import NS_PER_S
 
@@ -30,7 +30,6 @@ _POINT_FWHM = 2.5
 _SAME_SIGMAS = 4.0
 """Sigmas within which two points are at one place."""
 _MAX_POINTS = 40
-"""Most points of a frame that are no stars, the brightest."""
 _POINT_PX = 0.2
 _ALIKE = 0.03
 """Share of its speed by which a mover may change from one window of frames to the next."""
@@ -41,7 +40,7 @@ _TURN_SHARE = 0.002
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Points:
+class FramePoints:
     """Point-like lights of a frame, brightest first; arrays of n."""
 
     u: FloatArray
@@ -76,19 +75,19 @@ class Mover:
     """Position angle of its motion at the middle of its path, from north through east."""
     t_mid_utc_ns: int
     span_s: float
-    line: Line
+    line: StreakLine
     """Line from its first point to its last, for the catalogue."""
 
 
-def points_of(  # noqa: PLR0917 - what a frame is made of
+def frame_points(  # noqa: PLR0917 - what a frame is made of
     stars: StarList,
     solution: Solution,
     t_mid_utc_ns: int,
     frame: Frame,
     detections: Sequence[Detection],
     config: Config,
-) -> Points:
-    """Return the stars and slightly elongated lights of a frame, without pieces of streaks."""
+) -> FramePoints:
+    """Return the point sources of a frame, also slightly elongated ones, off its streaks."""
     x, y, snr = stars.x_px, stars.y_px, stars.snr
     if stars.oblong is not None and len(stars.oblong.x_px):
         more = stars.oblong
@@ -108,9 +107,9 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
     air = AIR_ARCSEC_ROOT_S / math.sqrt(max(exposure_s, 0.01))
     plate = solution.rms_arcsec / math.sqrt(max(solution.matched, 1))
     scale = solution.scale_arcsec_px
-    line_time_us = shutter_time(frame, config.exposure).line_time_us
+    line_time_us = frame_timing(frame, config.exposure).line_time_us
     row_ns = np.rint(y * line_time_us * 1e3).astype(np.int64)
-    return Points(
+    return FramePoints(
         u=direction_to_unit(*pixel_to_sky(solution.wcs, x, y)),
         t_utc_ns=t_mid_utc_ns + row_ns,
         x_px=x,
@@ -124,7 +123,7 @@ def points_of(  # noqa: PLR0917 - what a frame is made of
     )
 
 
-def movers_of(frames: Sequence[Points]) -> tuple[Mover, ...]:
+def find_movers(frames: Sequence[FramePoints]) -> tuple[Mover, ...]:
     """Find movers in frames in order of time; return them with the most probable first.
 
     A point belongs to one mover at most.
@@ -170,14 +169,14 @@ def _goes_on(one: Mover, later: Mover) -> bool:
     )
 
 
-def _movers(frames: Sequence[Points], window: range) -> list[Mover]:
+def _movers(frames: Sequence[FramePoints], window: range) -> list[Mover]:
     chosen = [frames[n] for n in window]
     left = [_no_stars(n, chosen) for n in range(len(chosen))]
     if sum(map(len, left)) < FEWEST:
         return []
     middle = chosen[len(chosen) // 2]
     ra_deg, dec_deg = unit_to_direction(middle.centre)
-    plane = Plane.at(float(ra_deg), float(dec_deg))
+    plane = TangentPlane.at(float(ra_deg), float(dec_deg))
     places = [_on(plane, each.u[kept]) for each, kept in zip(chosen, left, strict=True)]
     t_ns = [int(np.median(each.t_utc_ns)) if len(each) else None for each in chosen]
     usable = [n for n, t in enumerate(t_ns) if t is not None and len(left[n])]
@@ -205,13 +204,13 @@ def _movers(frames: Sequence[Points], window: range) -> list[Mover]:
     return made
 
 
-def _same(frames: Sequence[Points]) -> float:
+def _same(frames: Sequence[FramePoints]) -> float:
     """Return the distance, in arcsec, within which two points are at one place."""
     worst = max(each.sigma_arcsec for each in frames)
     return max(_SAME_SIGMAS * math.sqrt(2.0) * worst, *(each.fwhm_arcsec for each in frames))
 
 
-def _no_stars(number: int, frames: Sequence[Points]) -> np.ndarray:
+def _no_stars(number: int, frames: Sequence[FramePoints]) -> np.ndarray:
     """Return the indices of one frame's points at whose places no other frame has one."""
     from scipy.spatial import KDTree
 
@@ -225,13 +224,13 @@ def _no_stars(number: int, frames: Sequence[Points]) -> np.ndarray:
 
 
 def _mover(
-    frames: Sequence[Points], points: Sequence[tuple[int, int]], probability: float
+    frames: Sequence[FramePoints], points: Sequence[tuple[int, int]], probability: float
 ) -> Mover:
     t = np.array([frames[frame].t_utc_ns[n] for frame, n in points], np.int64)
     seen = np.array([frames[frame].u[n] for frame, n in points])
     sigma = max(frames[frame].sigma_arcsec for frame, _ in points)
     ra_deg, dec_deg = unit_to_direction(seen[len(points) // 2])
-    plane = Plane.at(float(ra_deg), float(dec_deg))
+    plane = TangentPlane.at(float(ra_deg), float(dec_deg))
     t_mid = int((t[0] + t[-1]) // 2)
     since_s = (t - t_mid) / NS_PER_S
     span_s = float(since_s[-1] - since_s[0])
@@ -258,7 +257,7 @@ def _mover(
         position_angle_deg=math.degrees(math.atan2(along_east, along_north)) % 360.0,
         t_mid_utc_ns=t_mid,
         span_s=span_s,
-        line=Line(
+        line=StreakLine(
             a=u[0],
             b=u[2],
             middle=u[1],
@@ -273,14 +272,14 @@ def _mover(
     )
 
 
-def _on(plane: Plane, u: FloatArray) -> FloatArray:
+def _on(plane: TangentPlane, u: FloatArray) -> FloatArray:
     """Return places on a tangent plane, (n, 2) arcsec east and north."""
     u = np.reshape(u, (-1, 3))
     depth = u @ plane.towards
     return np.stack([u @ plane.east, u @ plane.north], axis=-1) / depth[:, None] / ARCSEC_RAD
 
 
-def _off(plane: Plane, place: FloatArray) -> FloatArray:
+def _off(plane: TangentPlane, place: FloatArray) -> FloatArray:
     """Return the unit vector of a place on a tangent plane."""
     east, north = place * ARCSEC_RAD
     line = plane.towards + east * plane.east + north * plane.north

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbits import OLDEST_DAYS, Candidate, Choice, LineMatch, regime_of
+from rsoconsole.orbits import OLDEST_DAYS, Candidate, LineChoice, LineMatch, orbit_regime
 from rsoconsole.pipeline.field.field_frame import TAKEN, FieldFrame, FrameMatches, MoverMatches
 from rsoconsole.pipeline.words.reports import detection_report
 from rsoconsole.records import FloatArray
@@ -30,7 +30,7 @@ _ARCMIN_RAD = 60.0 * ARCSEC_RAD
 def frame_report(name: str, answer: FrameMatches, movers: Mapping[int, int]) -> dict[str, Any]:
     """Return the JSON object of one frame.
 
-    ``movers``: number of the mover by the catalogue number of its object.
+    ``movers``: number of the moving point identified with an object, by its catalogue number.
     """
     frame = answer.frame
     seen_as = _seen_as(answer)
@@ -42,7 +42,7 @@ def frame_report(name: str, answer: FrameMatches, movers: Mapping[int, int]) -> 
             "seen_probability": answer.match.taken[n],
             "unseen_because": _why_unseen(answer, n, answer.candidates[n].entry.norad_id in movers),
         }
-        for n in answer.crossed
+        for n in answer.crossing_indices
     ]
     streaks = [
         {
@@ -107,7 +107,7 @@ def movers_report(
     }
 
 
-def named_movers(answers: Sequence[MoverMatches]) -> dict[int, int]:
+def mover_numbers_by_norad_id(answers: Sequence[MoverMatches]) -> dict[int, int]:
     """Number of each identified mover, by the catalogue number of its object."""
     return {
         each.candidates[best].entry.norad_id: number
@@ -164,7 +164,7 @@ def _candidate_report(candidate: Candidate, frame: FieldFrame) -> dict[str, Any]
     rate_arcsec_s, angle_deg = _motion(candidate.nominal[1], candidate.rate)
     return {
         **_named(candidate),
-        "regime": regime_of(entry.revolutions_a_day, entry.eccentricity),
+        "regime": orbit_regime(entry.revolutions_a_day, entry.eccentricity),
         "chance": candidate.chance,
         "gate_along_s": candidate.gate_s,
         "gate_across_arcmin": candidate.gate_across_rad / _ARCMIN_RAD,
@@ -202,7 +202,7 @@ def _matched_report(matched: LineMatch, candidates: Sequence[Candidate]) -> dict
     }
 
 
-def _choice_report(choice: Choice, candidates: Sequence[Candidate]) -> dict[str, Any]:
+def _choice_report(choice: LineChoice, candidates: Sequence[Candidate]) -> dict[str, Any]:
     fit = choice.fit
     assert choice.candidate is not None and fit is not None  # noqa: PT018 - go together
     entry = candidates[choice.candidate].entry
@@ -210,7 +210,7 @@ def _choice_report(choice: Choice, candidates: Sequence[Candidate]) -> dict[str,
     return {
         **_named(candidates[choice.candidate]),
         "tle_epoch_utc": utc_ns_to_iso(entry.epoch_utc_ns),
-        "regime": regime_of(entry.revolutions_a_day, entry.eccentricity),
+        "regime": orbit_regime(entry.revolutions_a_day, entry.eccentricity),
         "probability": choice.probability,
         "along_track_s": fit.along_s,
         "sigma_along_track_s": fit.sigma_along_s,

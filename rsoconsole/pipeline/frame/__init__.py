@@ -1,1 +1,1 @@
-"""One frame to measurements: calibrated, detected, solved, measured at its own time."""
+"""Reduction of one frame to measurements: calibration, detection, plate solution, time."""

@@ -33,7 +33,6 @@ MAX_NONFINITE = 0.2
 """Largest share of NaN or infinite pixels in a master, which count as the median about them."""
 _SAMPLE = 5
 _PLAIN = "1x1"
-"""Binning where a header states none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +45,7 @@ class MasterTraits:
     temperature_c: float | None
     has_mosaic: bool = False
     settings: Mapping[str, str] = field(default_factory=dict)
-    """Values of the ``SETTINGS`` keywords that the header has."""
     binning: str | None = None
-    """Binning, such as 2x2."""
     corner_px: tuple[int, int] | None = None
     """Column and row, in binned pixels of the whole sensor, at which the image begins."""
 
@@ -61,11 +58,10 @@ class MasterTraits:
         """True where both have the same number of columns and rows."""
         return (self.width_px, self.height_px) == (other.width_px, other.height_px)
 
-    def has_pixels_of(self, other: "MasterTraits") -> bool:
-        """True where a master has a pixel for each of the other's.
+    def covers_pixels_of(self, other: "MasterTraits") -> bool:
+        """True where this master has a pixel for each pixel of ``other``.
 
-        It has where both have the same size, or where it is the whole sensor and ``other`` a part
-        of it.
+        Both have the same size, or the master is the whole sensor and ``other`` a part of it.
         """
         if self.has_size_of(other):
             return True
@@ -88,7 +84,6 @@ class Master:
     path: Path
     traits: MasterTraits
     level_adu: float
-    """Median level, ADU."""
 
     @property
     def words(self) -> str:
@@ -155,7 +150,7 @@ def read_masters(settings: CalibrationConfig) -> tuple[tuple[Master, ...], tuple
     """Read the configured masters; return (usable masters, a message for each of the others)."""
     masters: list[Master] = []
     faults: list[str] = []
-    for setting, path in settings.files:
+    for setting, path in settings.master_files:
         try:
             masters.append(read_master(setting, path))
         except FrameError as error:
@@ -171,9 +166,9 @@ def is_same_exposure(one_s: float | None, other_s: float | None) -> bool:
 
 
 def nearest_dark(masters: Iterable[Master], wanted: MasterTraits) -> Master | None:
-    """Dark that has all the frame's pixels, with exposure, then temperature, nearest to ``wanted``.
+    """Return the dark whose exposure, then temperature, is nearest to the frame's.
 
-    None where there is no such dark. ``wanted``: the frame's traits.
+    ``wanted``: the frame's traits. None where no dark has all the frame's pixels.
     """
 
     def apart(dark: Master) -> tuple[float, float]:
@@ -185,7 +180,7 @@ def nearest_dark(masters: Iterable[Master], wanted: MasterTraits) -> Master | No
         return by_s, math.inf if dark_c is None or frame_c is None else abs(dark_c - frame_c)
 
     fitting = [
-        each for each in masters if each.setting == "darks" and each.traits.has_pixels_of(wanted)
+        each for each in masters if each.setting == "darks" and each.traits.covers_pixels_of(wanted)
     ]
     return min(fitting, key=apart, default=None)
 
@@ -217,7 +212,7 @@ class Calibration:
         self._threads = config.detector.threads
         self._prepared: OrderedDict[_Choice, DarkAndFlat] = OrderedDict()
 
-    def is_for(self, config: Config) -> bool:
+    def has_masters_of(self, config: Config) -> bool:
         """True where ``config`` names the same masters."""
         return config.calibration == self._settings
 
@@ -231,7 +226,7 @@ class Calibration:
 
     def make_ready(self, config: Config) -> None:
         """Read the masters, and prepare those for frames of the configured exposure and size."""
-        if not self._settings.files:
+        if not self._settings.master_files:
             return
         masters = self._masters[0]
         usual = MasterTraits(
@@ -252,7 +247,7 @@ class Calibration:
 
         A frame that fits no master is used as it is, and a caution says so.
         """
-        if not self._settings.files:
+        if not self._settings.master_files:
             return without_mosaic(frame), ()
         calibrated, cautions = self._calibrated(frame)
         return without_mosaic(calibrated), cautions
@@ -273,13 +268,13 @@ class Calibration:
             return frame, (*cautions, Caution(kind="calibration", words=words))
         used = [each for each in masters if each.path in (choice.dark, choice.bias, choice.flat)]
         cautions += _mismatches(used, wanted, choice)
-        cautions.append(_in_force(used, choice, ready.defects(frame.saturation_adu)))
+        cautions.append(_in_force(used, choice, ready.defect_count(frame.saturation_adu)))
         return calibrated, tuple(cautions)
 
     def _choice(self, wanted: MasterTraits) -> _Choice | None:
         """Choose the masters for a frame; None where neither a dark nor a bias has its size."""
         masters = self._masters[0]
-        fitting = [each for each in masters if each.traits.has_pixels_of(wanted)]
+        fitting = [each for each in masters if each.traits.covers_pixels_of(wanted)]
         dark = nearest_dark(fitting, wanted)
         bias = next((each for each in fitting if each.setting == "bias"), None)
         flat = next((each for each in fitting if each.setting == "flat"), None)
@@ -351,7 +346,7 @@ def _not_used(
     """Yield cautions for masters that all have another size, and a flat without dark or bias."""
     for setting in ("darks", "bias", "flat"):
         there = [each for each in masters if each.setting == setting]
-        if not there or any(each.traits.has_pixels_of(wanted) for each in there):
+        if not there or any(each.traits.covers_pixels_of(wanted) for each in there):
             continue
         names = ", ".join(each.words for each in there)
         words = (
@@ -360,7 +355,7 @@ def _not_used(
         )
         yield Caution(kind=f"calibration.{setting} size", words=words)
     flat = [each for each in masters if each.setting == "flat"]
-    if choice is None and any(each.traits.has_pixels_of(wanted) for each in flat):
+    if choice is None and any(each.traits.covers_pixels_of(wanted) for each in flat):
         words = (
             "calibration.flat is not used: without a dark or bias of its size it would divide the"
             " camera's offset too"

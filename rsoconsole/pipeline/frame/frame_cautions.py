@@ -6,9 +6,9 @@ from typing import Literal
 
 from rsoconsole.config import Config
 from rsoconsole.instruments import NOTES_KEY
-from rsoconsole.pipeline.frame.hints import hint_of, wrong_hints
+from rsoconsole.pipeline.frame.hints import header_hint, wrong_hints
 from rsoconsole.records import Frame, NotSolved, Solution
-from rsoconsole.vision import range_cautions
+from rsoconsole.vision import camera_cautions
 
 CALIBRATION = "calibration"
 """Prefix of the kinds of cautions about master frames."""
@@ -27,18 +27,18 @@ class Caution:
 def cautions(
     frame: Frame, solution: Solution | NotSolved | None, config: Config
 ) -> tuple[Caution, ...]:
-    """Cautions of a frame: its reader's notes, an uncalibrated camera or exposure, wrong hints.
+    """Return the cautions about a frame: notes of its reader, wrong hints, unusual values.
 
-    The image scale is that of the plate solution, else the header's.
+    Unusual is a scale (by plate, else header), exposure or size not covered by the calibration.
     """
     notes = [str(note) for note in frame.header.get(NOTES_KEY, ())]
     found = [Caution(kind=note, words=note) for note in notes]
     scale_arcsec_px = frame.scale_arcsec_px
     if isinstance(solution, Solution):
         scale_arcsec_px = solution.scale_arcsec_px
-        wrong = wrong_hints(hint_of(frame, config), solution, frame, config)
+        wrong = wrong_hints(header_hint(frame, config), solution, frame, config)
         found += [Caution(kind=f"{each.hint} hint", words=each.words) for each in wrong]
-    about = range_cautions(scale_arcsec_px, frame.exposure_s, frame.width_px, frame.height_px)
+    about = camera_cautions(scale_arcsec_px, frame.exposure_s, frame.width_px, frame.height_px)
     return (*found, *(Caution(kind=kind, words=words) for kind, words in about.items()))
 
 

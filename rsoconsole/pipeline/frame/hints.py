@@ -23,7 +23,7 @@ class WrongHint:
     """Sentence with both figures and the remedy."""
 
 
-def hint_of(frame: Frame, config: Config) -> SolveHint:
+def header_hint(frame: Frame, config: Config) -> SolveHint:
     """Return the hint for the solver from the frame's header."""
     scale, tolerance = frame.scale_arcsec_px, config.solver.scale_tolerance
     return SolveHint(
@@ -86,7 +86,7 @@ def _wrong_scale(
     found = solution.scale_arcsec_px
     if low is None or high is None or low * (1 - _ROUNDING) <= found <= high * (1 + _ROUNDING):
         return
-    own = hint_of(frame, config)
+    own = header_hint(frame, config)
     if (low, high) != (own.scale_low_arcsec_px, own.scale_high_arcsec_px):
         yield WrongHint(
             hint="scale",

@@ -1,4 +1,4 @@
-"""Frames in which the operator marks by hand, which are held for longer than the others."""
+"""Frames in which the operator marks a streak by hand; they are held longer than others."""
 
 import logging
 from pathlib import Path
@@ -9,15 +9,13 @@ from rsoconsole.records import PixelArray
 from rsoconsole.session import SessionReader
 
 BEGIN_MARK = "begin_mark"
-"""Verb of the command that holds a frame."""
 HELD = 600
-"""Number of frames for which a held frame stays: a fast demo's five minutes, a real night's hours.
-Each frame kept weighs some 80 kB, and takes some 7 ms when the frames are folded again."""
+"""Number of frames for which a held frame stays; each weighs some 80 kB."""
 
 log = logging.getLogger(__name__)
 
 
-def kept_pixels(folder: Path, frame_id: int) -> PixelArray | None:
+def recorded_pixels(folder: Path, frame_id: int) -> PixelArray | None:
     """Pixels of a recorded frame, (height, width) ADU.
 
     None where they were not kept, are not written yet, or are damaged.

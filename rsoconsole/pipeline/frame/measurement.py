@@ -27,7 +27,7 @@ NO_MODE = CameraMode()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShutterTime:
+class FrameTiming:
     """Timing of the shutter for one frame."""
 
     late_s: float
@@ -44,35 +44,37 @@ class ShutterTime:
         return math.hypot(self.sigma_s, self.bias_sigma_s)
 
 
-def shutter_time(frame: Frame | FrameTaken, exposure: ExposureConfig) -> ShutterTime:
+def frame_timing(frame: Frame | FrameTaken, exposure: ExposureConfig) -> FrameTiming:
     """Shutter timing of a frame: calibrated for its camera mode, else the settings for all modes.
 
     With the settings for all modes, a time by the camera's own GPS has no header latency.
     """
-    found = calibrated_for(frame, exposure) if exposure.calibrated else None
+    found = calibrated_timing(frame, exposure) if exposure.calibrated else None
     if found is not None:
-        return ShutterTime(
+        return FrameTiming(
             late_s=found.bias_s,
             sigma_s=_surely(found),
             line_time_us=found.line_time_us,
             bias_sigma_s=found.bias_sigma_s,
         )
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
-    return ShutterTime(
+    return FrameTiming(
         late_s=0.0 if is_gps else exposure.header_latency_s,
         sigma_s=min(exposure.timing_sigma_s, GPS_SIGMA_S) if is_gps else exposure.timing_sigma_s,
         line_time_us=exposure.line_time_us,
     )
 
 
-def calibrated_for(frame: Frame | FrameTaken, exposure: ExposureConfig) -> CalibratedTiming | None:
+def calibrated_timing(
+    frame: Frame | FrameTaken, exposure: ExposureConfig
+) -> CalibratedTiming | None:
     """Return the calibrated timing for the frame's read-out mode and exposure; None without one.
 
     Of several exposures the nearest counts. A part of the sensor that was not calibrated itself has
     the timing of the whole sensor, with a larger sigma of the bias.
     """
-    mode = read_out_of(frame)
-    fitting = [each for each in exposure.calibrated if each.read_out == mode]
+    mode = read_out_mode(frame)
+    fitting = [each for each in exposure.calibrated if each.read_out_mode == mode]
     if not fitting:
         fitting = [
             each.model_copy(update={"bias_sigma_s": math.hypot(each.bias_sigma_s, OF_PART_S)})
@@ -107,7 +109,7 @@ SAME_EXPOSURE = 1.05
 """Largest ratio of two exposures that count as one camera mode."""
 
 
-def usual_sigma_s(exposure: ExposureConfig) -> float:
+def usual_timing_sigma_s(exposure: ExposureConfig) -> float:
     """Timing scatter, s, of the calibrated mode nearest to the set exposure, else as configured."""
     if not exposure.calibrated:
         return exposure.timing_sigma_s
@@ -128,7 +130,7 @@ def _surely(found: CalibratedTiming) -> float:
     return math.hypot(found.scatter_s, found.scatter_sigma_s)
 
 
-def read_out_of(frame: Frame | FrameTaken) -> tuple[object, ...]:
+def read_out_mode(frame: Frame | FrameTaken) -> tuple[object, ...]:
     """Read-out mode of a frame, in the form of ``CalibratedTiming.read_out``."""
     camera = frame.camera or NO_MODE
     sides = (frame.width_px, frame.height_px, camera.x0_px, camera.y0_px)
@@ -142,17 +144,17 @@ AIR_ARCSEC_ROOT_S = 0.40
 """
 
 
-def shutter_mid_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> int | None:
+def mid_exposure_utc_ns(frame: Frame | FrameTaken, exposure: ExposureConfig) -> int | None:
     """Return the mid-exposure, UTC ns: the header's plus the shutter's known delay.
 
     With a rolling shutter it is that of the first row. None where the header has no time.
     """
     if frame.t_mid_utc_ns is None:
         return None
-    return frame.t_mid_utc_ns + round(shutter_time(frame, exposure).late_s * 1e9)
+    return frame.t_mid_utc_ns + round(frame_timing(frame, exposure).late_s * 1e9)
 
 
-def at_its_row(measurement: Measurement, t_mid_utc_ns: int, shutter: ShutterTime) -> Measurement:
+def with_row_time(measurement: Measurement, t_mid_utc_ns: int, shutter: FrameTiming) -> Measurement:
     """Return the measurement with the mid-exposure of its own row of pixels.
 
     ``t_mid_utc_ns``: mid-exposure of the first row.
@@ -163,7 +165,7 @@ def at_its_row(measurement: Measurement, t_mid_utc_ns: int, shutter: ShutterTime
     return replace(measurement, t_mid_utc_ns=t_row_ns)
 
 
-def _row_mid_utc_ns(t_mid_utc_ns: int, y_px: float, shutter: ShutterTime) -> int:
+def _row_mid_utc_ns(t_mid_utc_ns: int, y_px: float, shutter: FrameTiming) -> int:
     """Return the mid-exposure of a row: with a rolling shutter later than the first row's.
 
     A streak over several rows has the mid-exposure of its middle one, as its motion is even.
@@ -180,21 +182,21 @@ def measure(
     measurement_id: str,
     source: Source = "network",
 ) -> Measurement | None:
-    """Return the streak's midpoint on the sky at mid-exposure; None when the frame has no time.
+    """Return a streak's midpoint on the sky at mid-exposure; None when the frame has no time.
 
-    The covariance is the sum of these:
-    - that of the midpoint along and across the streak, turned to the sky,
-    - (rate x timing sigma)^2 along the streak,
-    - the air's wander and the plate solution's own error, in every direction.
+    The covariance is the sum of:
+    - the midpoint's covariance along and across the streak, rotated to the sky,
+    - (rate x timing scatter)^2 along the streak,
+    - the error by the atmosphere and that of the plate solution, in every direction.
 
-    The plate's residuals contain the catalogue's error as far as it differs from star to star
-    (about 0.1 arcsec where proper motions are known). The part that all stars of a field share (0.5
-    mas/yr) is the same in the next frame and does not show in a track's innovations.
+    The plate residuals include catalogue errors that differ from star to star (about 0.1 arcsec
+    where proper motions are known). An error common to all stars of a field (0.5 mas/yr) is the
+    same in the next frame, and does not show in a track's innovations.
     """
-    t_mid_ns = shutter_mid_utc_ns(frame, exposure)
+    t_mid_ns = mid_exposure_utc_ns(frame, exposure)
     if t_mid_ns is None or frame.exposure_s is None:
         return None
-    shutter = shutter_time(frame, exposure)
+    shutter = frame_timing(frame, exposure)
     wcs = solution.wcs
     x, y = detection.x_px, detection.y_px
     ra, dec = pixel_to_sky(wcs, x, y)
@@ -225,10 +227,10 @@ def measure(
     )
 
 
-def measured(
+def measure_detections(
     found: Detections, solution: Solution, frame: Frame | FrameTaken, exposure: ExposureConfig
 ) -> tuple[Measurement, ...]:
-    """Return the measurements of a frame's detections, in their order."""
+    """Return the measurements of a frame's detections, in their order; () without a time."""
     made = (
         measure(
             each,
@@ -245,10 +247,10 @@ def measured(
 def with_recorded_ids(
     measurements: Sequence[Measurement], recorded: Sequence[Measurement], found: Detections
 ) -> tuple[Measurement, ...]:
-    """Return the measurements of a frame reduced again, with ids that have no other meaning.
+    """Return the measurements of a frame reduced again, with ids not used for other ones.
 
-    A measurement equal to one of ``recorded`` keeps the recorded id. Any other gets a number after
-    those of the recorded candidates (``found``), because the operator may have decided on these.
+    A measurement equal to one of ``recorded`` gets its id. Any other gets a number after those of
+    the recorded candidates ``found``, because the operator's decisions may refer to these.
     """
     numbers = itertools.count(len(found.detections) + len(found.rejected))
     same = {replace(each, measurement_id=""): each.measurement_id for each in recorded}
@@ -263,7 +265,7 @@ def with_recorded_ids(
 
 
 def _covariance(
-    detection: Detection, solution: Solution, exposure_s: float, shutter: ShutterTime
+    detection: Detection, solution: Solution, exposure_s: float, shutter: FrameTiming
 ) -> tuple[float, float, float]:
     jacobian = jacobian_arcsec_px(solution.wcs, detection.x_px, detection.y_px)
     angle = math.radians(detection.angle_deg)

@@ -1,4 +1,4 @@
-"""Plate solution of a frame or of a part of it: moved from the last one, or found by the solver."""
+"""Plate solution of a frame or a part of it: the last one refitted, or a new one."""
 
 import time
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from rsoconsole.base import SolverError
 from rsoconsole.config import Config
 from rsoconsole.instruments import MIN_STARS, PlateSolver, SolveHint
-from rsoconsole.pipeline.frame.hints import hint_of, relaxed_hints, rescaled_hint
+from rsoconsole.pipeline.frame.hints import header_hint, relaxed_hints, rescaled_hint
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, Solution, Wcs
 from rsoconsole.sky import wrap_180
 from rsoconsole.vision import StarList
@@ -40,7 +40,7 @@ class FramePart:
         """Return a plate solution of the frame, converted to the part's pixels."""
         return self._shifted(plate, -1)
 
-    def of_frame(self, plate: Wcs) -> Wcs:
+    def to_frame_plate(self, plate: Wcs) -> Wcs:
         """Return a plate solution of the part, converted to the frame's pixels."""
         return self._shifted(plate, 1)
 
@@ -53,12 +53,14 @@ class FramePart:
 
     def streaks_in_frame_px(self, found: Detections, frame: Frame) -> Detections:
         """Return the streaks that lie wholly in the part, converted to the frame's pixels."""
-        whole = tuple(self.moved(each) for each in found.detections if not each.is_clipped)
+        whole = tuple(
+            self.streak_in_frame_px(each) for each in found.detections if not each.is_clipped
+        )
         return replace(
             found, width_px=frame.width_px, height_px=frame.height_px, detections=whole, rejected=()
         )
 
-    def moved(self, each: Detection) -> Detection:
+    def streak_in_frame_px(self, each: Detection) -> Detection:
         """Return a streak of the part, converted to the frame's pixels."""
         x, y = self.x0_px, self.y0_px
         left, top, right, bottom = each.box_px
@@ -91,7 +93,7 @@ def middle_part(frame: Frame, reach_px: float) -> FramePart | None:
     )
 
 
-def part_between(before: Frame, frame: Frame) -> FramePart | None:
+def relative_part(before: Frame, frame: Frame) -> FramePart | None:
     """Return the rectangle of ``frame`` in the pixels of ``before``, a frame of the same sensor.
 
     Where ``frame`` shows more of the sensor, the corner lies outside ``before``. None where the
@@ -118,7 +120,7 @@ _CLOUD_TURNS = 4
 """Number of frames in a row that may be cloudy before hints that have held are doubted."""
 
 
-class GivenPlate:
+class FixedPlateSource:
     """Returns a plate solution set from outside; base of the classes that find one."""
 
     solution: Solution | NotSolved | None = None
@@ -135,13 +137,13 @@ class GivenPlate:
         _ = frame, stars
         return self.solution
 
-    def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
-        """Last plate solution moved onto the stars of a frame's part; None where there is none."""
+    def refit_part(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
+        """Return None: a fixed plate solution is not refitted to a part of a frame."""
         _ = frame, stars, part
         return None
 
 
-class PlateFinder(GivenPlate):
+class PlateFinder(FixedPlateSource):
     """Finds plate solutions; keeps the last one, and the mount's pointing at its frame."""
 
     def __init__(self, solver: PlateSolver, config: Config) -> None:
@@ -150,9 +152,7 @@ class PlateFinder(GivenPlate):
         self._last: Solution | None = None
         self._last_frame: Frame | None = None
         self._last_stars = 0
-        """Star count of the frame of the last plate solution."""
         self._failures = 0
-        """Number of frames in a row that were not solved."""
         self._scale_factor = 1.0
         """Ratio of the stars' scale to the header's, where the header's was wrong."""
 
@@ -165,13 +165,13 @@ class PlateFinder(GivenPlate):
         self._last = self._last_frame = None
 
     def solve(self, frame: Frame, stars: StarList) -> Solution | NotSolved:
-        """Refit the last plate solution, else solve in full with the header's hints.
+        """Refit the last plate solution; where that fails, solve with the hints from the header.
 
-        Where that fails, the frame is solved without the hints, but of the failing frames in a row
-        only the first, second, fourth, eighth...: a search of the whole sky may take up to its
-        deadline, and clouds last. Where more than half of the last solution's stars are gone, it is
-        done from the fourth frame on. Such a search of a frame whose header has no position ends
-        after ``solver.blind_deadline_s``, any other after ``solver.deadline_s``.
+        Where that fails too, weaker hints are tried, but only in the first, second, fourth,
+        eighth... of successive unsolved frames, because such a search is slow and clouds last; in a
+        frame with less than half of the last solution's stars, only from the fourth on. Such a
+        search of a frame whose header has no position ends after ``solver.blind_deadline_s``, any
+        other after ``solver.deadline_s``.
         """
         solution: Solution | NotSolved | None = self._refit(frame, stars)
         if solution is None:
@@ -179,7 +179,7 @@ class PlateFinder(GivenPlate):
             is_turn = turn & (turn - 1) == 0
             if self._last is not None and len(stars) < _CLOUD_SHARE * self._last_stars:
                 is_turn &= turn >= _CLOUD_TURNS
-            hint = rescaled_hint(hint_of(frame, self._config), self._scale_factor)
+            hint = rescaled_hint(header_hint(frame, self._config), self._scale_factor)
             solution = self.solve_in_full(frame, stars, hint, is_relaxed=is_turn)
         self._failures = self._failures + 1 if isinstance(solution, NotSolved) else 0
         if isinstance(solution, Solution):
@@ -191,17 +191,17 @@ class PlateFinder(GivenPlate):
             self._last_frame = replace(frame, pixels=frame.pixels[:0].copy())
         return solution
 
-    def moved(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
-        """Last plate solution moved onto the stars of a part; None where it does not fit them.
+    def refit_part(self, frame: Frame, stars: StarList, part: FramePart) -> Solution | None:
+        """Return the last plate solution refitted to part of a frame; None where it does not fit.
 
-        ``stars`` are in the part's pixels, the result is in the frame's. The last plate solution
-        stays.
+        ``stars``: in the part's pixels; the result is in the frame's. The stored plate solution
+        does not change.
         """
         last = self._last
         if last is None:
             return None
         here = self._refit(frame, stars, part, replace(last, wcs=part.to_part_plate(last.wcs)))
-        return None if here is None else replace(here, wcs=part.of_frame(here.wcs))
+        return None if here is None else replace(here, wcs=part.to_frame_plate(here.wcs))
 
     def _factor_of(self, frame: Frame, solution: Solution) -> float:
         """Correction of the header's scale: a wrong focal length costs one search in all."""
@@ -271,7 +271,7 @@ class PlateFinder(GivenPlate):
         if last is None or before is None:
             return None
         if before.width_px != frame.width_px:
-            between = part_between(before, frame)
+            between = relative_part(before, frame)
             if between is None:
                 return None
             last = replace(last, wcs=between.to_part_plate(last.wcs))

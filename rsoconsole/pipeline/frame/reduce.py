@@ -12,14 +12,14 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver
 from rsoconsole.pipeline.comparison.fixed_light import (
-    FixedLight,
+    FrameComparison,
     RecordedComparison,
     catalogue_stars,
 )
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
-from rsoconsole.pipeline.frame.measurement import measured
-from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder, middle_part
+from rsoconsole.pipeline.frame.measurement import measure_detections
+from rsoconsole.pipeline.frame.plate import FixedPlateSource, PlateFinder, middle_part
 from rsoconsole.records import Detections, Frame, Measurement, Missed, NotSolved, Solution
 from rsoconsole.vision import (
     MIN_MATCHED,
@@ -47,13 +47,13 @@ log = logging.getLogger(__name__)
 _BRIGHTEST, _MAX_STARS = slice(80), 600
 
 
-class ZeroPoint:
+class ZeroPointFinder:
     """Finds the zero point of solved frames from their stars and the catalogue's magnitudes."""
 
     def __init__(self) -> None:
         self._is_broken = False
 
-    def of(
+    def zero_point_mag(
         self, frame: Frame, stars: StarList, solution: Solution | NotSolved | None
     ) -> float | None:
         """Return the magnitude of a star that gives 1 ADU a second, the median over matched stars.
@@ -101,7 +101,6 @@ class Reduction:
     """Reason why the frame has no measurement; ``cycle.miss_reasons`` adds the cause of a miss."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     cautions: tuple[Caution, ...] = ()
-    """Cautions about frame, camera or hints."""
 
 
 class FrameReducer:
@@ -111,15 +110,15 @@ class FrameReducer:
         self,
         network: Proposer,
         curve: ConfidenceCurve,
-        plate: GivenPlate,
+        plate: FixedPlateSource,
         config: Config,
         *,
         calibration: Calibration | None = None,
-        comparison: FixedLight | RecordedComparison | None = None,
+        comparison: FrameComparison | RecordedComparison | None = None,
     ) -> None:
         """``calibration``: one made for the same configuration; None: a new one.
 
-        ``comparison``: None for ``FixedLight``, with the frame before and the shipped stars.
+        ``comparison``: None for ``FrameComparison``, with the frame before and the shipped stars.
         """
         self._network = network
         self._curve = curve
@@ -127,15 +126,15 @@ class FrameReducer:
         self._detector = StreakDetector(network, config.detector, curve, self._memory)
         self._glancer = StreakDetector(network, config.detector, curve, is_quick=True)
         self._plate = plate
-        self._comparison = comparison or FixedLight()
-        self._zero_point = ZeroPoint()
+        self._comparison = comparison or FrameComparison()
+        self._zero_point = ZeroPointFinder()
         self._config = config
         self._calibration = calibration or Calibration(config)
 
     def configure(self, config: Config) -> None:
         """Use the settings of ``config`` from the next frame on."""
         self._config = config
-        if not self._calibration.is_for(config):
+        if not self._calibration.has_masters_of(config):
             self._calibration = Calibration(config)
         self._detector = StreakDetector(self._network, config.detector, self._curve, self._memory)
         self._glancer = StreakDetector(self._network, config.detector, self._curve, is_quick=True)
@@ -150,11 +149,10 @@ class FrameReducer:
         self._plate.forget()
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
-        """Return streaks and plate solution from the middle of a frame alone.
+        """Return streaks and plate solution found in the middle of a frame, before it is reduced.
 
-        The middle reaches ``reach_px`` from the centre. The whole frame is still to be reduced.
-        None where the middle is not much smaller than the frame, where it has no streak, or where
-        its stars do not fit the last plate solution.
+        The middle reaches ``reach_px`` from the centre. None where the middle is not much smaller
+        than the frame, has no streak, or has stars that do not fit the last plate solution.
         """
         middle = middle_part(frame, reach_px)
         if middle is None:
@@ -164,7 +162,7 @@ class FrameReducer:
         found = middle.streaks_in_frame_px(analysis.detections, frame)
         if not found.detections:
             return None
-        solution = self._plate.moved(frame, analysis.stars, middle)
+        solution = self._plate.refit_part(frame, analysis.stars, middle)
         return None if solution is None else Glance(detections=found, solution=solution)
 
     def reduce(self, frame: Frame) -> Reduction:
@@ -176,7 +174,7 @@ class FrameReducer:
         makes no measurement: the mount's reported position never replaces a solution.
         """
         stage_ms: dict[str, float] = {}
-        with note_stage_ms(stage_ms, "detect"):
+        with time_stage(stage_ms, "detect"):
             even, noted = self._calibration.prepare(frame)
             analysis = self._detector.analyse(even)
         found = analysis.detections
@@ -185,13 +183,13 @@ class FrameReducer:
         stage_ms["detect"] = network_ms
         solution: Solution | NotSolved | None = None
         if found.detections or frame.pointing_ra_icrs_deg is not None:
-            with note_stage_ms(stage_ms, "solve"):
+            with time_stage(stage_ms, "solve"):
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()
         if isinstance(solution, Solution):
-            with note_stage_ms(stage_ms, "compare"):
-                found = self._comparison.compared(even, analysis, solution)
-            measurements = measured(found, solution, frame, self._config.exposure)
+            with time_stage(stage_ms, "compare"):
+                found = self._comparison.compared_detections(even, analysis, solution)
+            measurements = measure_detections(found, solution, frame, self._config.exposure)
         star_count = len(analysis.stars.x_px)
         is_measured = analysis.stars.width_source == "measured" and star_count > 0
         fwhm_px = analysis.stars.median_fwhm_px if is_measured else None
@@ -202,13 +200,13 @@ class FrameReducer:
                 star_fwhm_px=fwhm_px,
                 star_flux_adu=typical_flux_adu(analysis.stars),
                 background_adu=float(np.median(analysis.background.level)),
-                zero_point_mag=self._zero_point.of(even, analysis.stars, solution),
+                zero_point_mag=self._zero_point.zero_point_mag(even, analysis.stars, solution),
             ),
             solution=solution,
             measurements=measurements,
             star_count=star_count,
             fwhm_px=fwhm_px,
-            absence=text(miss_by_own_records(found, solution, frame.t_mid_utc_ns)),
+            absence=text(miss_from_frame_records(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
             cautions=(*noted, *cautions(frame, solution, self._config)),
         )
@@ -225,12 +223,12 @@ def typical_flux_adu(stars: StarList) -> float | None:
     return float(np.median(stars.flux[BRIGHTEST_STARS]))
 
 
-def miss_by_own_records(
+def miss_from_frame_records(
     found: Detections, solution: Solution | NotSolved | None, t_mid_utc_ns: int | None
 ) -> Missed:
-    """Return the miss of a frame without a measurement, with the reason that its records show.
+    """Return the reason why a frame has no measurement, from its own records alone.
 
-    ``t_mid_utc_ns``: None for a frame without a time.
+    ``t_mid_utc_ns``: mid-exposure; None for a frame without a time.
     """
     if not found.detections:
         return Missed(kind="no detection")
@@ -240,8 +238,8 @@ def miss_by_own_records(
 
 
 @contextmanager
-def note_stage_ms(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
-    """Write the time that the body of the context takes, in ms, into ``stage_ms[stage]``."""
+def time_stage(stage_ms: dict[str, float], stage: str) -> Iterator[None]:
+    """Measure the time of the context's body, ms, and store it as ``stage_ms[stage]``."""
     started_s = time.perf_counter()
     yield
     stage_ms[stage] = (time.perf_counter() - started_s) * 1e3

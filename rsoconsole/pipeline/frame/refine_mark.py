@@ -1,8 +1,8 @@
-"""Refinement of a rough mark by hand on the light beneath it. Pure.
+"""Refinement of an operator's rough mark to the streak under it. Pure.
 
-The line is traced near the two marked ends, which may be off by the size of one square of the
-picture; a short line is then fitted as a streak. A line that is found has the sigma of its
-measurement; where none is found the mark stays as the operator made it.
+A line is traced near the two marked ends, which may be off by one square of the picture. A short
+line is then fitted as a streak. The result has the sigma of its own measurement; where no line is
+found, the mark stays as the operator made it.
 """
 
 import math
@@ -14,9 +14,9 @@ from rsoconsole.records import Detection, PixelArray
 from rsoconsole.vision import (
     Background,
     Ends,
+    LineTrace,
     StarList,
     StreakFit,
-    Trace,
     find_stars,
     fit_streak,
     local_background,
@@ -26,17 +26,14 @@ from rsoconsole.vision import (
 )
 
 MARGIN_PX = 80.0
-"""Margin around the mark that is examined with it, px."""
 LARGEST_SIDE_PX = 2200
 """Largest side of the examined piece: a mark across more of the frame stays rough."""
 MIN_SNR, MIN_QUARTILE_SNR, MAX_ROUGH = 8.0, 3.0, 0.9
-"""Limits for a line that is believed: SNR, its lower quartile, and roughness, the share that
-neither slow change nor one period explains."""
+"""Limits for a believed line: SNR, its lower quartile, and roughness (the unexplained share)."""
 MIN_SNR_FAR, FAR_SIGMA_PX = 12.0, 8.0
 """Lowest SNR where the mark's sigma exceeds ``FAR_SIGMA_PX``: more sky holds more false lines."""
 OFFS_PX = (4.0, 8.0, 16.0, 32.0, 64.0)
-"""Distances, px, by which the line may be off the mark at its middle and ends, the nearest first;
-but for the first none beyond 1.5 of the mark's sigma."""
+"""Distances of line from mark, px, nearest first; after the first within 1.5 of mark's sigma."""
 ENDS_SIGMAS = 2.5
 TURNS_DEG = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0)
 """Turns from the marked direction that are examined where the mark is as rough as it is long."""
@@ -68,7 +65,7 @@ def refined_mark(
     if piece is None:
         return None
     fwhm = star_fwhm_px or piece.stars.median_fwhm_px
-    best: Trace | None = None
+    best: LineTrace | None = None
     for off_px in _offs(sigma):
         for ends in _proposals(mark, sigma):
             trace = trace_line(
@@ -120,7 +117,7 @@ def _shifted(ends: Ends, piece: _Piece) -> Ends:
     return ends[0] - x0, ends[1] - y0, ends[2] - x0, ends[3] - y0
 
 
-def _is_believed(trace: Trace, sigma: float) -> bool:
+def _is_believed(trace: LineTrace, sigma: float) -> bool:
     return (
         trace.snr >= (MIN_SNR if sigma <= FAR_SIGMA_PX else MIN_SNR_FAR)
         and trace.lower_quartile_snr >= MIN_QUARTILE_SNR
@@ -128,7 +125,7 @@ def _is_believed(trace: Trace, sigma: float) -> bool:
     )
 
 
-def _is_meant(trace: Trace, piece: _Piece, mark: Detection, sigma: float) -> bool:
+def _is_meant(trace: LineTrace, piece: _Piece, mark: Detection, sigma: float) -> bool:
     """True where the traced ends agree with the marked ones within the mark's sigma."""
     reach = ENDS_SIGMAS * sigma + OFFS_PX[0]
     x0, y0 = piece.place.x0_px, piece.place.y0_px
@@ -141,7 +138,7 @@ def _is_meant(trace: Trace, piece: _Piece, mark: Detection, sigma: float) -> boo
     )
 
 
-def _measured(trace: Trace, piece: _Piece, mark: Detection, fwhm: float) -> Detection:
+def _measured(trace: LineTrace, piece: _Piece, mark: Detection, fwhm: float) -> Detection:
     found = with_trace(mark, trace, least_open_px=0.5 * math.hypot(*trace.sigma_end_px))
     if found.length_px <= LONGEST_FIT_PX and not found.is_clipped:
         ends = trace.x_a_px, trace.y_a_px, trace.x_b_px, trace.y_b_px
@@ -160,4 +157,4 @@ def _measured(trace: Trace, piece: _Piece, mark: Detection, fwhm: float) -> Dete
             and math.dist((fit.x_px, fit.y_px), middle) <= found.length_px
         ):
             found = with_fit(found, fit)
-    return replace(piece.place.moved(found), box_px=mark.box_px)
+    return replace(piece.place.streak_in_frame_px(found), box_px=mark.box_px)

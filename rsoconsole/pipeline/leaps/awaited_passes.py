@@ -1,8 +1,8 @@
-"""An awaited pass: where the telescope stares until it comes, and the streak it draws. Pure.
+"""Passes awaited at a point of the orbit: where, and the offset by the streak. Pure.
 
-Elements are off along the orbit more than across it. So the telescope stares at one point of the
-orbit until the object has surely passed it, however early or late; the first streak gives the delay
-and the offset across the orbit.
+Elements are less accurate along the orbit than across it. So the telescope points at one point of
+the orbit until the object has surely passed. The first streak gives the object's delay and its
+offset across the orbit.
 """
 
 from collections.abc import Callable, Collection
@@ -54,7 +54,7 @@ class PassPlan:
     """Reason why no leap follows the last one."""
 
     @property
-    def flips(self) -> int:
+    def flip_count(self) -> int:
         """Number of times that the mount changes the side of its pier."""
         return sum(each.flips for each in self.leaps)
 
@@ -74,11 +74,11 @@ def plan_pass(
     first: Leap | None = None,
     sure_from: int | None = None,
 ) -> PassPlan:
-    """Plan leap after leap until the satellite sets or a limit ends the pass.
+    """Plan leaps one after another until the satellite sets or a limit ends the pass.
 
-    ``first``: leap under way; None: none. ``sure_from``: number, from 1, of the first leap after
-    which the next slew is ordered as soon as the shutter has closed; after earlier leaps, and after
-    all of them with None, it is ordered when the frame has been read out.
+    ``first``: leap under way; None: none. ``sure_from``: number, from 1, of the leap from which on
+    the next slew is ordered as the shutter closes, not after read-out; None: always after
+    read-out.
     """
     leaps: list[Leap] = []
     pose, now = start, now_utc_ns
@@ -100,7 +100,6 @@ class StarePoint:
     """Point of an orbit at which the telescope stares until the object has surely passed it."""
 
     t_through_utc_ns: int
-    """Instant at which the object passes the point, by its elements."""
     from_utc_ns: int
     until_utc_ns: int
     point_gcrs_km: tuple[float, float, float]
@@ -167,9 +166,9 @@ def next_awaited_pass(
 ) -> AwaitedPass | None:
     """Return the first pass within a day that the telescope can await; None without one.
 
-    The object is sunlit at the point of the stare. ``held``: limits of the telescope, but for those
-    in ``lifted``; ``late_sigma_s``: lowest sigma of the object's time, s, which the ``errors`` of
-    its elements may exceed.
+    The object must be sunlit where it is awaited. ``held``: the telescope's limits; ``lifted``:
+    those of them that do not apply; ``late_sigma_s``: lowest sigma, s, of the object's time along
+    its orbit; a larger one by ``errors`` of its elements replaces it.
     """
     satellite = Satellite(entry)
     span = (now_utc_ns, now_utc_ns + NS_PER_DAY)
@@ -203,11 +202,11 @@ def awaited_pass(
     now_utc_ns: int,
     lifted: Collection[LimitName] = (),
 ) -> AwaitedPass | None:
-    """Return a pass with the earliest point at which the telescope can await it; None without one.
+    """Return a pass with the earliest point at which it can be awaited; None without one.
 
-    There the object is sunlit, and the telescope within the limits ``held`` from ``SIGMAS`` times
-    ``sigma_s`` before the object's predicted time until as long after it. ``up_utc_ns``: begin and
-    end of the pass.
+    At that point the object is sunlit, and the telescope within the limits ``held`` (but for those
+    ``lifted``) from ``SIGMAS`` times ``sigma_s`` before the predicted time until as long after it.
+    ``up_utc_ns``: start and end of the pass.
     """
     span_ns = round(SIGMAS * sigma_s * NS_PER_S)
     for t in range(up_utc_ns[0], up_utc_ns[1], round(_STEP_S * NS_PER_S)):
@@ -229,7 +228,7 @@ def awaited_pass(
     return None
 
 
-def is_dark(orbit: KnownOrbit, t_utc_ns: int) -> bool:
+def is_in_earth_shadow(orbit: KnownOrbit, t_utc_ns: int) -> bool:
     """True where the object is wholly in the Earth's shadow."""
     at = np.array([t_utc_ns])
     return bool(lit_fraction(orbit.states(at)[0], at)[0] <= 0.0)
@@ -243,7 +242,7 @@ def _may_look(
     return held.refuse_pose(pose, is_slewing=False, lifted=lifted) is None
 
 
-def expected_at(
+def expected_position(
     awaited: AwaitedPass, site: Site, t_utc_ns: int, late_s: float
 ) -> PredictedPosition:
     """Return the predicted position of an object that is late by ``late_s``, at an instant.
@@ -270,10 +269,10 @@ def expected_at(
 def measured_pass_offset(
     awaited: AwaitedPass, site: Site, streak: StreakEnds
 ) -> tuple[PassOffset, StreakEnds] | None:
-    """Offset of a pass by one streak, and the streak with its ends in the order of the motion.
+    """Return a pass's offset by one streak, and the streak with its ends in order of time.
 
-    None where the streak is not on the object's path within the window of the stare, or differs
-    from the object's motion in direction or speed.
+    None where the streak is not on the object's path within the time of waiting, or differs from
+    the predicted motion in direction or speed.
     """
     stare = awaited.stare
     span_s = (stare.until_utc_ns - stare.from_utc_ns) / NS_PER_S
@@ -289,7 +288,7 @@ def measured_pass_offset(
     best = int(np.argmin(away))
     if best in (0, len(late) - 1) or away[best] > _FARTHEST_DEG:
         return None
-    place = expected_at(awaited, site, t, float(late[best]))
+    place = expected_position(awaited, site, t, float(late[best]))
     rate = streak.rate_arcsec_s
     speed, expected = float(np.hypot(*rate)), place.speed_arcsec_s
     cosine = float(rate @ place.rate_arcsec_s) / (speed * expected)

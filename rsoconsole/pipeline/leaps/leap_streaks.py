@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.config import ExposureConfig
-from rsoconsole.orbits import UNSEEN_ARCSEC, StreakEnds, Timing
+from rsoconsole.orbits import UNSEEN_ARCSEC, StreakEnds, TimingErrors
 from rsoconsole.pipeline.frame.measurement import (
     AIR_ARCSEC_ROOT_S,
-    shutter_mid_utc_ns,
-    shutter_time,
+    frame_timing,
+    mid_exposure_utc_ns,
 )
 from rsoconsole.records import Detection, Detections, FloatArray, Frame, FrameTaken, Solution
 from rsoconsole.sky import pixel_to_sky
@@ -37,7 +37,7 @@ class FrameStreak:
     detection: Detection
 
     @property
-    def may_begin(self) -> bool:
+    def may_begin_track(self) -> bool:
         """True where a track may begin with this streak: both ends seen, and a satellite's class.
 
         Once a track exists, a streak with the satellite's predicted place, direction and speed
@@ -46,15 +46,15 @@ class FrameStreak:
         return self.ends.is_whole and self.detection.object_class in TRACKABLE_CLASSES
 
 
-def streaks_of(
+def frame_streaks(
     found: Detections, solution: Solution, frame: Frame | FrameTaken, exposure: ExposureConfig
 ) -> tuple[FrameStreak, ...]:
     """Return the streaks with one or both ends in the frame; the most confident first."""
-    t_mid_ns, exposure_s = shutter_mid_utc_ns(frame, exposure), frame.exposure_s
+    t_mid_ns, exposure_s = mid_exposure_utc_ns(frame, exposure), frame.exposure_s
     if t_mid_ns is None or exposure_s is None:
         return ()
     half_ns = round(exposure_s / 2.0 * NS_PER_S)
-    shutter = shutter_time(frame, exposure)
+    shutter = frame_timing(frame, exposure)
     size_px = (frame.width_px, frame.height_px)
     made = []
     for each in sorted(found.detections, key=lambda one: -one.confidence):
@@ -80,13 +80,13 @@ def streaks_of(
     return tuple(made)
 
 
-def timing_of(frame: Frame | FrameTaken, exposure: ExposureConfig) -> Timing:
-    """Return how uncertain exposure times are (bias, scatter) in the camera mode of ``frame``."""
-    shutter = shutter_time(frame, exposure)
+def timing_uncertainty(frame: Frame | FrameTaken, exposure: ExposureConfig) -> TimingErrors:
+    """Return the errors of exposure times (bias, scatter) in the camera mode of ``frame``."""
+    shutter = frame_timing(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S
     is_measured = is_gps or shutter.bias_sigma_s > 0.0
-    return Timing(
+    return TimingErrors(
         scatter_s=max(shutter.sigma_s, MIN_SCATTER_S),
         bias_sigma_s=shutter.bias_sigma_s or unknown_s,
         scatter_frames=math.inf if is_measured else STATED_FRAMES,

@@ -144,8 +144,8 @@ _GAINING = 0.97
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeapTerms:
-    """Field, image scale and times of camera and mount that a leap depends on, but for the slew."""
+class LeapParameters:
+    """Parameters on which leaps depend: field, image scale, times of camera and mount."""
 
     field_deg: tuple[float, float]
     scale_arcsec_px: float
@@ -159,15 +159,16 @@ class LeapTerms:
     """Binning: pixels joined on each axis; ``scale_arcsec_px`` is that of the joined ones."""
 
     @property
-    def length_px(self) -> float:
+    def streak_length_px(self) -> float:
         """Length of a streak that is measured well, in binned pixels."""
         return max(LENGTH_PX / self.binning, BINNED_LENGTH_PX)
 
     @property
-    def half_short_deg(self) -> float:
-        """Half the shorter side of the field, degrees.
+    def field_radius_deg(self) -> float:
+        """Radius of the circle in which streak ends count as inside the field, degrees.
 
-        A circle with that radius is inside the field however the camera is turned.
+        It is ``RIM`` times half the field's shorter side, so the camera's rotation does not
+        matter.
         """
         return RIM * min(self.field_deg) / 2.0
 
@@ -178,7 +179,7 @@ MANY_PX = 6_000_000
 """Number of a camera's pixels below which binning saves no time that matters."""
 
 
-def binning_for(config: Config) -> int:
+def leap_binning(config: Config) -> int:
     """Return the binning for leaps: 2 for a large sensor with a fine scale, else 1."""
     optics = config.optics
     if optics.width_px * optics.height_px < MANY_PX:
@@ -186,10 +187,10 @@ def binning_for(config: Config) -> int:
     return 2 if 2.0 * optics.scale_arcsec_px <= BINNED_SCALE_ARCSEC_PX else 1
 
 
-def terms_of(config: Config, binning: int = 1) -> LeapTerms:
-    """Return the configured terms, with ``binning`` configured pixels joined on each axis."""
+def leap_parameters(config: Config, binning: int = 1) -> LeapParameters:
+    """Return the configured parameters; ``binning``: configured pixels joined on each axis."""
     exposure = config.exposure
-    return LeapTerms(
+    return LeapParameters(
         field_deg=config.optics.field_deg,
         scale_arcsec_px=binning * config.optics.scale_arcsec_px,
         settle_s=config.mount.settle_s,
@@ -204,18 +205,16 @@ class Telescope:
     """The mount's motion, the terms of leaps and the telescope's limits."""
 
     motion: MountMotion
-    terms: LeapTerms
+    terms: LeapParameters
     limits: Limits
     lifted: Collection[LimitName] = ()
-    """Limits that are lifted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Leap:
-    """Leap: slew ahead of the satellite, wait, exposure."""
+    """Slew ahead of a satellite, a wait, and an exposure."""
 
     t_order_utc_ns: int
-    """Instant at which the slew is ordered."""
     t_expose_utc_ns: int
     """Instant at which the exposure is ordered, with the mount settled."""
     t_mid_utc_ns: int
@@ -223,13 +222,11 @@ class Leap:
     place: PredictedPosition
     """Predicted position at mid-exposure: the middle of the field."""
     side: PierSide | None
-    """Side of the pier at arrival."""
     slew_s: float
     within: float
     """Probability that both ends of the streak are in the field."""
     flips: bool
     binning: int = 1
-    """Binning of the camera."""
     share: float = 1.0
     """Fraction of each side of the sensor that is read out."""
 
@@ -243,12 +240,12 @@ class Leap:
         """Length of the streak, arcsec."""
         return self.place.speed_arcsec_s * self.exposure_s
 
-    def reach_px(self, terms: LeapTerms) -> float:
+    def streak_reach_px(self, terms: LeapParameters) -> float:
         """Distance from the field's centre, pixels, within which both ends lie at 3 sigma."""
         off_arcsec = self.length_arcsec / 2.0 + 3.0 * self.place.sigma_arcsec + BESIDE_ARCSEC
         return off_arcsec / terms.scale_arcsec_px
 
-    def fits_in(self, share: float, terms: LeapTerms) -> bool:
+    def fits_in(self, share: float, terms: LeapParameters) -> bool:
         """True where a central part of the sensor, ``share`` of each side, suffices for the leap.
 
         It suffices where it holds both ends of the streak, and enough stars for a plate solution.
@@ -258,7 +255,7 @@ class Leap:
         if self.flips:
             return False
         short_px = share * 3600.0 * min(terms.field_deg) / terms.scale_arcsec_px
-        return short_px >= MIN_PART_PX and self.reach_px(terms) <= RIM * short_px / 2.0
+        return short_px >= MIN_PART_PX and self.streak_reach_px(terms) <= RIM * short_px / 2.0
 
 
 NoLeapKind = Literal["it sets", "too fast", "too unsure", "limit"]
@@ -299,20 +296,22 @@ def next_leap(
     return last
 
 
-def exposure_for(place: PredictedPosition, terms: LeapTerms) -> float:
+def leap_exposure_s(place: PredictedPosition, terms: LeapParameters) -> float:
     """Exposure, s, for a streak of good length that is in the field with three sigma to spare."""
     speed = max(place.speed_arcsec_s, 1e-3)
-    sigma_arcsec = sqrt(max(place.along_arcsec2, 0.0))
-    room_arcsec = 2.0 * (3600.0 * terms.half_short_deg - 3.0 * sigma_arcsec)
-    long_px = min(terms.length_px, max(room_arcsec / terms.scale_arcsec_px, MIN_LENGTH_PX))
+    sigma_arcsec = sqrt(max(place.variance_along_arcsec2, 0.0))
+    room_arcsec = 2.0 * (3600.0 * terms.field_radius_deg - 3.0 * sigma_arcsec)
+    long_px = min(terms.streak_length_px, max(room_arcsec / terms.scale_arcsec_px, MIN_LENGTH_PX))
     wanted_s = long_px * terms.scale_arcsec_px / speed
     return float(np.clip(wanted_s, SHORTEST_S, LONGEST_S))
 
 
-def both_ends_probability(place: PredictedPosition, exposure_s: float, terms: LeapTerms) -> float:
+def both_ends_probability(
+    place: PredictedPosition, exposure_s: float, terms: LeapParameters
+) -> float:
     """Probability that both ends of the streak are in a field centred on the predicted position."""
     along, across = np.sqrt(np.maximum(np.diag(place.along_across_arcsec2), 1e-6))
-    half = 3600.0 * terms.half_short_deg
+    half = 3600.0 * terms.field_radius_deg
     room = max(half - place.speed_arcsec_s * exposure_s / 2.0, 0.0)
     return erf(room / along / sqrt(2.0)) * erf(half / across / sqrt(2.0))
 
@@ -332,7 +331,7 @@ def _meeting(
     for _ in range(_ROUNDS):
         near = path.at(t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S))
         if near is not None:
-            exposure_s = exposure_for(near, terms)
+            exposure_s = leap_exposure_s(near, terms)
         t_mid_ns = t_ns + round((terms.latency_s + exposure_s / 2.0) * NS_PER_S)
         met = path.at(t_mid_ns)
         if met is None:

@@ -1,1 +1,1 @@
-"""Orbits, names and relative motion of the tracks, frame by frame, as they go on record."""
+"""Records of the tracks' orbits, names and relative motion, made after each frame."""

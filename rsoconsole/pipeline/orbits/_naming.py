@@ -17,7 +17,7 @@ from rsoconsole.orbits import (
     identify_compared_tracks,
 )
 from rsoconsole.pipeline.orbits.elements_used import read_catalogue
-from rsoconsole.pipeline.orbits.expected import errors_of
+from rsoconsole.pipeline.orbits.expected import catalogue_errors
 from rsoconsole.pipeline.orbits.track_measurements import longest_arc
 from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName
@@ -69,7 +69,7 @@ class _Asked:
     """Result and best match that are on record."""
 
 
-class Naming:
+class TrackIdentifier:
     """Identifies all tracks together; a track is compared again as its directions grow."""
 
     def __init__(self, config: Config, past: Past | None = None) -> None:
@@ -77,16 +77,15 @@ class Naming:
         self._config = config
         self._past = past
         self._catalogue = Catalogue(config.catalogue.tle_files)
-        self._errors = errors_of(config.catalogue)
+        self._errors = catalogue_errors(config.catalogue)
         self._asked: dict[int, _Asked] = {}
-        """Last comparison of each track, by track id."""
 
     def configure(self, config: Config) -> None:
         """Use the settings of ``config`` from now on."""
         if config.catalogue.tle_files != self._catalogue.files:
             self._catalogue = Catalogue(config.catalogue.tle_files)
             self._asked = {}
-        self._config, self._errors = config, errors_of(config.catalogue)
+        self._config, self._errors = config, catalogue_errors(config.catalogue)
 
     def forget(self) -> None:
         """Forget all comparisons: the clock was wrong until now."""
@@ -96,14 +95,14 @@ class Naming:
         """Return the element sets of the catalogue. Raises OrbitError where it cannot be read."""
         return self._catalogue.entries()
 
-    def ask(
+    def identify_due_tracks(
         self, frame_id: int, seen: Mapping[int, MeasuredDirections], tracks: Collection[int]
     ) -> tuple[Identified, ...]:
-        """Identify the tracks that are due for a comparison with the catalogue, if there is one.
+        """Identify the tracks that are due for comparison with the catalogue.
 
         ``seen``: directions of the tracks with a new measurement, by track id; ``tracks``: ids of
-        all tracks so far. A track that is not due is returned too where its name changes because of
-        the others. Raises OrbitError where the catalogue cannot be read.
+        all tracks so far. Other tracks whose identification changes thereby are returned too; ()
+        without a catalogue. Raises OrbitError where the catalogue cannot be read.
         """
         if not self._catalogue.files:
             return ()
@@ -141,7 +140,7 @@ class Naming:
         self, frame_id: int, due: Collection[int], answers: Mapping[int, Identification]
     ) -> Iterator[Identified]:
         unknown = {n: self._asked[n].compared.seen for n in due if answers[n].verdict == "unknown"}
-        past = self._past.names_of(unknown, self._config.site.to_site()) if self._past else {}
+        past = self._past.ledger_names(unknown, self._config.site.to_site()) if self._past else {}
         for track_id, found in answers.items():
             best = found.matches[0].norad_id if found.matches else None
             said, asked = (found.verdict, best), self._asked[track_id]

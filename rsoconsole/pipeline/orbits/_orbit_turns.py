@@ -1,8 +1,8 @@
-"""Order in which orbits are refined: the lead's in each frame, a large group's in turn. Pure.
+"""Order in which orbits are refined: the lead's after each frame, others in turn. Pure.
 
-Refining an orbit takes some milliseconds, and one more direction hardly changes that of a member. A
-track that has just been missed is refined at once, with all its measurements, so that its orbit may
-predict it while it coasts.
+Refining an orbit takes some milliseconds, and one more direction hardly changes it. A track that
+has just been missed is refined at once with all its measurements, so that its orbit can predict it
+while it coasts.
 """
 
 import math
@@ -19,8 +19,7 @@ from rsoconsole.sky import wrap_180
 from rsoconsole.tracking import MANY
 
 AT_ONCE = 2
-"""Number of tracks beside the lead whose orbits one frame refines; with no more, none waits. In a
-group larger than ``MANY`` it is one."""
+"""Number of tracks beside the lead whose orbits one frame refines; one above ``MANY``."""
 _LATE = 6
 """Number of new measurements after which a track of a large group waits for no missed one."""
 

@@ -1,4 +1,4 @@
-"""Relative motion of the tracks of a field, frame by frame, as it goes on record."""
+"""Records of the relative motion of a field's tracks, made after each frame."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -28,13 +28,13 @@ from rsoconsole.tracking import (
     MANY,
     RelativePath,
     TrackDirections,
-    own_covariance,
     pair_motion,
     relative_path,
     relative_positions,
+    single_streak_covariance,
 )
 from rsoconsole.tracking.filters import lqe
-from rsoconsole.words import NS_PER_S, clock, closest_words, separation_words, tracks_words
+from rsoconsole.words import NS_PER_S, approach_words, separation_words, tracks_words, utc_text
 
 Message = tuple[Literal["info", "warning"], str]
 LIKELY, UNLIKELY = 0.5, 0.2
@@ -42,25 +42,25 @@ CLEAR_SHARE = 1.2
 """Factor on the warning's angle beyond which the warning about a pair ends."""
 
 
-class Approaches:
+class ApproachWarnings:
     """Pairs of tracks that are close or approach each other, with a warning about each."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], tuple[float, int]] = {}
         """Least separation so far, arcsec, and its instant, by pair."""
 
-    def after(
+    def update(
         self,
         pairs: Sequence[PairMotion],
         alive: Collection[int],
         t_utc_ns: int | None,
         limit_arcsec: float,
     ) -> tuple[Collection[tuple[int, int]], Sequence[Message]]:
-        """Update the warnings after a frame; return the pairs with a warning, and the messages.
+        """Update the warnings after a frame; return (pairs with a warning, new messages).
 
         ``pairs``: motions examined in the frame; ``alive``: ids of the present tracks;
-        ``t_utc_ns``: mid-exposure, without which no motion is examined; ``limit_arcsec``: angle
-        below which a warning is given. A warning and its end have one message each.
+        ``t_utc_ns``: mid-exposure; None: no motion is examined; ``limit_arcsec``: separation below
+        which a warning is given. The start and the end of a warning have one message each.
         """
         words: list[Message] = []
         for pair in [each for each in self._open if not set(alive).issuperset(each)]:
@@ -75,7 +75,7 @@ class Approaches:
             if known is None:
                 if _is_close(each, limit_arcsec):
                     self._open[pair] = (each.separation_arcsec, t_utc_ns)
-                    warning = f"{separation_words(each)} apart, {closest_words(each)}"
+                    warning = f"{separation_words(each)} apart, {approach_words(each)}"
                     words.append(("warning", f"{tracks_words(pair)}: {warning}"))
                 continue
             known = self._open[pair] = min(known, (each.separation_arcsec, t_utc_ns))
@@ -96,7 +96,7 @@ def _is_clear(pair: PairMotion, limit_arcsec: float) -> bool:
 
 
 def _end(pair: PairMotion, nearest: tuple[float, int], limit_arcsec: float) -> str:
-    nearest_arcsec, when = nearest[0], clock(nearest[1], "minute")
+    nearest_arcsec, when = nearest[0], utc_text(nearest[1], "minute")
     if limit_arcsec == 0.0:
         return "warning over, alert.separation_arcsec is 0"
     if nearest_arcsec < limit_arcsec:
@@ -109,8 +109,7 @@ def _end(pair: PairMotion, nearest: tuple[float, int], limit_arcsec: float) -> s
 MAX_FRAMES = 400
 """Largest number of a track's measurements that are compared, the latest."""
 MAX_PAIRS, PAIRS_OF_MANY = 6, 3
-"""Most pairs examined in each frame, fewer where there are more than ``MANY`` tracks: each costs 1
-ms, and twelve tracks are 66."""
+"""Most pairs examined in each frame: at first, and with more than ``MANY`` tracks."""
 _NEAR_SOONER = 4.0
 """Factor by which a near pair comes round sooner than others."""
 _RECENT_FRAMES = 40
@@ -132,7 +131,6 @@ class _TrackSights:
     """Directions of one track."""
 
     sights: dict[int, _Sight] = field(default_factory=dict)
-    """Directions by frame number."""
     together: TrackDirections | None = None
     """Directions as arrays, made when first needed."""
 
@@ -156,24 +154,20 @@ class _TrackSights:
         return self.together
 
 
-class Pairs:
+class TrackPairs:
     """Relative motion of the tracks, from the records alone: the same log gives the same pairs."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._tracks: dict[int, _TrackSights] = {}
         self._measured: dict[str, Measurement] = {}
-        """Measurements by id."""
         self._frame_id = 0
         self._t_utc_ns: int | None = None
-        """Instant of the frame's tracks."""
         self._alive: list[int] = []
-        """Tracks of the frame, in its order."""
         self._paths: dict[tuple[int, int], tuple[int, RelativePath]] = {}
         """Relative path of each pair, with the last frame that showed both."""
-        self._approaches = Approaches()
+        self._approaches = ApproachWarnings()
         self._known: dict[tuple[int, int], PairMotion] = {}
-        """Motion of each pair as last examined."""
         self.last: tuple[PairMotion, ...] = ()
         """Motions of ``_known`` in order; replaced, never changed, as other threads read it."""
 
@@ -186,7 +180,7 @@ class Pairs:
         self._tracks, self._measured, self._paths, self._known = {}, {}, {}, {}
         self.last = ()
         self._alive, self._t_utc_ns = [], None
-        self._approaches = Approaches()
+        self._approaches = ApproachWarnings()
 
     def receive(self, record: Record) -> None:
         """Process the next record of the log."""
@@ -233,15 +227,15 @@ class Pairs:
         seen = self._tracks.get(track_id)
         return seen is not None and self._frame_id in seen.sights
 
-    def refine(self) -> tuple[Record, ...]:
-        """Return the records that follow a frame: PairMotions, and events on approaches."""
+    def derive_frame_records(self) -> tuple[Record, ...]:
+        """Return the new records after a frame: PairMotions, and events about approaches."""
         alive = set(self._alive)
         self._tracks = {n: each for n, each in self._tracks.items() if n in alive}
         self._paths = {pair: each for pair, each in self._paths.items() if alive.issuperset(pair)}
         known = {pair: each for pair, each in self._known.items() if alive.issuperset(pair)}
         pairs, t_utc_ns = self._looked_at(known), self._t_utc_ns
         limit = self._config.alert.separation_arcsec
-        close, words = self._approaches.after(pairs, self._alive, t_utc_ns, limit)
+        close, words = self._approaches.update(pairs, self._alive, t_utc_ns, limit)
         marked = tuple(replace(each, is_close=_ids(each) in close) for each in pairs)
         self._known = known | {_ids(each): each for each in marked}
         self.last = tuple(self._known[pair] for pair in sorted(self._known))
@@ -324,7 +318,7 @@ def _ids(pair: PairMotion) -> tuple[int, int]:
 
 
 def _sight(m: Measurement, state: TrackState) -> _Sight:
-    (ee, en), (_, nn) = own_covariance(m, state)
+    (ee, en), (_, nn) = single_streak_covariance(m, state)
     return _Sight(
         t_utc_ns=m.t_mid_utc_ns,
         unit=direction_to_unit(m.ra_icrs_deg, m.dec_icrs_deg),

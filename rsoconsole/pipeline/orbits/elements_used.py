@@ -1,4 +1,4 @@
-"""Element files with which a session is identified, where the operator names none."""
+"""Choice and reading of the element files with which a session is identified."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ NO_ELEMENTS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ElementsUsed:
+class ElementFiles:
     """Element files for a session, and whether the session was recorded with them."""
 
     files: tuple[Path, ...]
@@ -25,7 +25,7 @@ class ElementsUsed:
     """True for the files recorded in the session, False for those of the configuration."""
 
 
-def elements_used(path: Path, configured: Sequence[Path], option: str) -> ElementsUsed:
+def choose_element_files(path: Path, configured: Sequence[Path], option: str) -> ElementFiles:
     """Return the element files with which to identify a session.
 
     They are those of the configuration, else those recorded in the session; for a simulated night
@@ -35,9 +35,9 @@ def elements_used(path: Path, configured: Sequence[Path], option: str) -> Elemen
     own, is_simulated = _of_session(path)
     there = tuple(file for file in own if file.exists())
     if there and (is_simulated or not configured):
-        return ElementsUsed(files=there, is_recorded=True)
+        return ElementFiles(files=there, is_recorded=True)
     if configured:
-        return ElementsUsed(files=tuple(configured), is_recorded=False)
+        return ElementFiles(files=tuple(configured), is_recorded=False)
     gone = f"; the session had {', '.join(map(str, own))}, which is no more there" if own else ""
     raise OrbitError(NO_ELEMENTS.format(option) + gone)
 
@@ -48,7 +48,7 @@ def _of_session(path: Path) -> tuple[tuple[Path, ...], bool]:
         return (), False  # a file of observations
     try:
         reader = SessionReader(path)
-        is_simulated = reader.about().get("is_simulated") is True
+        is_simulated = reader.read_meta().get("is_simulated") is True
         return reader.config().catalogue.tle_files, is_simulated
     except SessionError:
         return (), False  # reading its directions says what is wrong with it
@@ -61,18 +61,18 @@ YIELDS_AFTER_NS = 3 * NS_PER_DAY
 def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
     """Read the element sets of all files; ``files`` may hold folders of the element cache.
 
-    Of a folder, each object's sets are those of one source (``by_precedence``). Raises OrbitError
-    naming a file that cannot be read.
+    Of a folder, each object's sets are those of one source (``sets_by_precedence``).
+    Raises OrbitError naming a file that cannot be read.
     """
     sources = (_of_folder(path) if path.is_dir() else _of_file(path) for path in files)
     return tuple(chain.from_iterable(sources))
 
 
-def by_precedence(sources: Iterable[Iterable[CatalogueEntry]]) -> tuple[CatalogueEntry, ...]:
-    """Return each object's sets from one source alone, with ``sources`` in order of precedence.
+def sets_by_precedence(sources: Iterable[Iterable[CatalogueEntry]]) -> tuple[CatalogueEntry, ...]:
+    """Return the element sets of each object from one source only.
 
-    It is the first source that has the object, unless a later one has much newer sets
-    (``YIELDS_AFTER_NS``).
+    ``sources``: in order of precedence. The first source that has the object is used, unless a
+    later one has sets newer by more than ``YIELDS_AFTER_NS``.
     """
     chosen: dict[int, list[CatalogueEntry]] = {}
     for entries in sources:
@@ -99,7 +99,7 @@ def _of_folder(folder: Path) -> tuple[CatalogueEntry, ...]:
     files = ElementStore(folder).files()
     if not files:
         raise OrbitError(f"{folder} holds no elements yet: 'rsoconsole catalogue update' gets them")
-    return by_precedence(_of_file(path) for path in files)
+    return sets_by_precedence(_of_file(path) for path in files)
 
 
 def _of_file(path: Path) -> tuple[CatalogueEntry, ...]:

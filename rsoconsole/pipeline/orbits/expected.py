@@ -1,4 +1,4 @@
-"""Catalogued objects that should be in a frame and are not tracked, as they go on record."""
+"""Records of catalogued objects that should be in a frame and are not tracked."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from rsoconsole.orbits import (
     Regime,
     covariance_rtn,
     manoeuvred_probability,
-    nearest_in_epoch_of_each,
-    places_of,
-    regime_of,
+    nearest_epoch_entries,
+    object_places,
+    orbit_regime,
     states_gcrs,
 )
-from rsoconsole.pipeline.frame.measurement import shutter_mid_utc_ns
+from rsoconsole.pipeline.frame.measurement import mid_exposure_utc_ns
 from rsoconsole.records import (
     Event,
     ExpectedMembers,
@@ -50,19 +50,18 @@ from rsoconsole.words import NS_PER_DAY, catalogued_name, unseen_words
 _TIMES = 3.0
 
 
-def errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """Element errors as assumed, or scaled by the factors measured for a kind of orbit."""
-    return ASSUMED.scaled(factors_of(catalogue))
+def catalogue_errors(catalogue: CatalogueConfig) -> ElementErrors:
+    """Return the errors of elements: assumed, and scaled by measured factors where configured."""
+    return ASSUMED.scaled(element_error_factors(catalogue))
 
 
-def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
-    """Wide element errors, with which tracks are identified in order to measure those errors.
+def wide_element_errors(catalogue: CatalogueConfig) -> ElementErrors:
+    """Return wide errors of elements, to identify tracks from which the errors are measured.
 
-    They are three times the assumed ones, or twice the measured ones if that is more. With narrow
-    errors only tracks with small differences would be identified, and the result would be too
-    small.
+    They are the larger of 3 times the assumed and 2 times the measured errors. Narrow ones would
+    select tracks with small differences, and give errors that are too small.
     """
-    known = factors_of(catalogue)
+    known = element_error_factors(catalogue)
     wide = {}
     for regime in ERROR_REGIMES:
         each = known.get(regime, ErrorFactors())
@@ -74,7 +73,7 @@ def wide_errors_of(catalogue: CatalogueConfig) -> ElementErrors:
     return ASSUMED.scaled(wide)
 
 
-def factors_of(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
+def element_error_factors(catalogue: CatalogueConfig) -> dict[Regime, ErrorFactors]:
     """Return the configured factors on the assumed element errors, by kind of orbit."""
     return {
         each.regime: ErrorFactors(
@@ -126,7 +125,7 @@ class SolvedFrame:
     """Mid-exposure."""
 
 
-class UnfollowedMembers:
+class UntrackedObjects:
     """Finds catalogued objects that should be in the frame and are not tracked, from records."""
 
     def __init__(self, config: Config, entries: Entries) -> None:
@@ -138,7 +137,6 @@ class UnfollowedMembers:
         self._taken: FrameTaken | None = None
         self._solution: Solution | None = None
         self._tracks: dict[int, TrackState] = {}
-        """States of the frame's tracks, by track id."""
         self._names: dict[int, Identified] = {}
         self._frames = 0
         """Number of solved frames since the last comparison."""
@@ -168,8 +166,8 @@ class UnfollowedMembers:
             case Identified():
                 self._names[record.track_id] = record
 
-    def refine(self) -> tuple[Record, ...]:
-        """Return the records that follow a frame. Raises OrbitError for an unreadable catalogue."""
+    def derive_frame_records(self) -> tuple[Record, ...]:
+        """Return the new records after a frame. Raises OrbitError for an unreadable catalogue."""
         self.uncatalogued = tuple(
             n
             for n in sorted(self._tracks)
@@ -179,7 +177,7 @@ class UnfollowedMembers:
         self._taken = None
         if taken is None or solution is None or solution.frame_id != taken.frame_id:
             return ()
-        t_utc_ns = shutter_mid_utc_ns(taken, self._config.exposure)
+        t_utc_ns = mid_exposure_utc_ns(taken, self._config.exposure)
         if t_utc_ns is None:
             return ()
         self._frames += 1
@@ -192,13 +190,13 @@ class UnfollowedMembers:
 
     def _sets_at(self, t_utc_ns: int) -> tuple[CatalogueEntry, ...]:
         if self._sets_utc_ns is None or abs(t_utc_ns - self._sets_utc_ns) > _KEPT_NS:
-            self._sets = nearest_in_epoch_of_each(self._entries(), t_utc_ns)
+            self._sets = nearest_epoch_entries(self._entries(), t_utc_ns)
             self._sets_utc_ns = t_utc_ns
         return self._sets
 
     def _look(self, frame: SolvedFrame, sets: Sequence[CatalogueEntry]) -> tuple[Record, ...]:
-        errors = errors_of(self._config.catalogue)
-        there = members_in(frame, sets, self._config.site.to_site(), errors)
+        errors = catalogue_errors(self._config.catalogue)
+        there = catalogued_objects_in_frame(frame, sets, self._config.site.to_site(), errors)
         claimed = self._claimed()
         unnamed = [
             direction_icrs_deg(state)
@@ -255,7 +253,7 @@ class UnfollowedMembers:
         return tuple(words)
 
 
-def members_in(
+def catalogued_objects_in_frame(
     frame: SolvedFrame, sets: Sequence[CatalogueEntry], site: Site, errors: ElementErrors = ASSUMED
 ) -> tuple[UnseenMember, ...]:
     """Return the catalogued objects that should be in a frame, the nearest to its middle first."""
@@ -298,7 +296,7 @@ def _member(
     entry: CatalogueEntry, frame: SolvedFrame, site: Site, errors: ElementErrors
 ) -> UnseenMember | None:
     t = np.array([frame.t_utc_ns], np.int64)
-    places = places_of(entry, site, t)
+    places = object_places(entry, site, t)
     ra_deg, dec_deg = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
     half_s = (frame.taken.exposure_s or 0.0) / 2.0
     beside = np.array([-half_s, 0.0, half_s])
@@ -329,10 +327,10 @@ def _member(
 
 def _sigma_km(entry: CatalogueEntry, age_days: float, errors: ElementErrors) -> float:
     """Return the sigma of its place along its orbit, with the chance of a manoeuvre."""
-    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
+    regime = orbit_regime(entry.revolutions_a_day, entry.eccentricity)
     rate_rad_s = entry.record.no_kozai / 60.0
     kept, moved = (
-        covariance_rtn(errors.of(regime, is_moved=is_moved), age_days, rate_rad_s)[1, 1]
+        covariance_rtn(errors.spread_for(regime, is_moved=is_moved), age_days, rate_rad_s)[1, 1]
         for is_moved in (False, True)
     )
     share = manoeuvred_probability(regime, age_days)

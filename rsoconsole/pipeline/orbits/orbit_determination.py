@@ -16,23 +16,23 @@ from rsoconsole.orbits import (
     PriorName,
     TrackletOrbit,
     common_error_arcsec,
-    determine,
-    elements_of,
-    gooding,
-    is_plausible,
+    determine_orbit,
+    fit_mean_elements,
+    gooding_orbits,
+    is_plausible_orbit,
     joint_orbit,
-    log_odds_of_more,
-    mean_elements,
+    log_odds_of_joining,
     merged_tracklets,
-    probability_of,
+    osculating_elements,
+    probability_from_log_odds,
     propagate,
+    propagated_state,
     semi_major_axis_sigma_km,
-    state_at,
     state_at_line_epoch,
     three_sight_lines,
     tracklet_orbit,
 )
-from rsoconsole.pipeline.orbits.track_measurements import ObservedTrack, arcs
+from rsoconsole.pipeline.orbits.track_measurements import ObservedTrack, split_into_arcs
 from rsoconsole.words import NS_PER_S, count_words
 
 Method = Literal["least squares", "gooding"]
@@ -78,14 +78,16 @@ def find_orbit(
 ) -> FoundOrbit:
     """Determine the orbit of one object from all directions of ``observed``.
 
-    ``others``: tracks that may be of the same object, such as a session's further tracks. An arc of
-    them is used where it is of the same object with a probability of ``SAME_OBJECT`` at least.
+    ``others``: tracks that may be of the same object, such as further tracks of the session. Their
+    arcs are used where the probability of this is ``SAME_OBJECT`` or more.
     """
-    given = [(each, arc) for each in observed for arc in arcs(each.seen)]
+    given = [(each, arc) for each in observed for arc in split_into_arcs(each.seen)]
     first = max(given, key=lambda pair: len(pair[1]))
     middle = first[1].epoch_utc_ns
     rest = [(*pair, True) for pair in given if pair is not first]
-    rest += [(each, arc, False) for each in others[:_MAX_TRACKS] for arc in arcs(each.seen)]
+    rest += [
+        (each, arc, False) for each in others[:_MAX_TRACKS] for arc in split_into_arcs(each.seen)
+    ]
     rest.sort(key=lambda each: abs(each[1].epoch_utc_ns - middle))
     used, parts = [first[1]], [_part(*first, is_used=True, probability=None)]
     start = tracklet_orbit(first[1], prior) if rest else None
@@ -124,11 +126,15 @@ def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return nothing
     lines = three_sight_lines(seen)
-    three = seen.of(np.searchsorted(seen.t_s, lines.t_s))
+    three = seen.subset(np.searchsorted(seen.t_s, lines.t_s))
     fits: list[tuple[float, Orbit, GoodingOrbit]] = []
-    for each in gooding(lines):
+    for each in gooding_orbits(lines):
         start = state_at_line_epoch(each, lines)
-        orbit = determine(three, prior="none", start=start) if is_plausible(*start) else None
+        orbit = (
+            determine_orbit(three, prior="none", start=start)
+            if is_plausible_orbit(*start)
+            else None
+        )
         if orbit is not None:
             fits.append((_misfit(seen, orbit), orbit, each))
     if not fits:
@@ -151,19 +157,19 @@ def _determined(
 ) -> Orbit | None:
     """Determine an orbit over several arcs, from the longest on: no seed finds it at once."""
     if len(used) == 1 or start is None:
-        return determine(seen, prior=prior)
+        return determine_orbit(seen, prior=prior)
     state, epoch, grown = start.state, start.seen.epoch_utc_ns, None
     for count in range(2, len(used) + 1):
         grown = joint_orbit(used[:count], state, epoch, start.population)
         if grown is not None:
             state, epoch = grown.state, grown.epoch_utc_ns
-    begun = state_at(state, epoch, seen.epoch_utc_ns)
-    orbit = determine(seen, prior=prior, start=begun)
+    begun = propagated_state(state, epoch, seen.epoch_utc_ns)
+    orbit = determine_orbit(seen, prior=prior, start=begun)
     if orbit is not None:
         return orbit
     # The nights part by more than the directions' own errors: forces that nobody knows.
     apart_arcsec = common_error_arcsec(seen)
-    orbit = determine(_loosened(seen, apart_arcsec), prior=prior, start=begun)
+    orbit = determine_orbit(_loosened(seen, apart_arcsec), prior=prior, start=begun)
     if orbit is None or grown is None:
         return orbit
     words = f'the arcs agree only to some {apart_arcsec:.0f}": unknown forces, or a manoeuvre'
@@ -195,7 +201,7 @@ def _probability(
     more = tracklet_orbit(arc, prior) if start is not None else None
     if start is None or more is None:
         return None
-    return probability_of(log_odds_of_more(start, used[1:], more))
+    return probability_from_log_odds(log_odds_of_joining(start, used[1:], more))
 
 
 def _part(
@@ -227,9 +233,9 @@ def _misfit(seen: MeasuredDirections, orbit: Orbit) -> float:
     return float(np.sum(seen.whitened(seen.residuals_arcsec(places)) ** 2))
 
 
-def orbit_values(orbit: Orbit) -> dict[str, Any]:
-    """Return the fields that an orbit has both in the records and in the ledger."""
-    elements = elements_of(orbit.r_km, orbit.v_km_s)
+def orbit_record_fields(orbit: Orbit) -> dict[str, Any]:
+    """Return the fields of an orbit, by name, that records and ledger have in common."""
+    elements = osculating_elements(orbit.r_km, orbit.v_km_s)
     return {
         "label": orbit.label,
         "prior": orbit.prior,
@@ -267,7 +273,7 @@ def orbit_elements(
         label = "not observable" if found.orbit is None else found.orbit.label
         return FittedElements(mean=None, tle=None, reason=f"the orbit is labelled {label}")
     try:
-        fitted = mean_elements(found.orbit, found.seen, norad_id=norad_id, name=name)
+        fitted = fit_mean_elements(found.orbit, found.seen, norad_id=norad_id, name=name)
         fitted = replace(fitted, cospar=cospar)
     except OrbitError as error:
         return FittedElements(mean=None, tle=None, reason=str(error))

@@ -18,10 +18,10 @@ from rsoconsole.orbits import (
     Orbit,
     State,
     TrackletOrbit,
-    determine,
-    log_odds_of_more,
+    determine_orbit,
+    log_odds_of_joining,
     merged_tracklets,
-    probability_of,
+    probability_from_log_odds,
     tracklet_orbit,
 )
 from rsoconsole.pipeline.cycle.frame_fold import may_orbit_guide
@@ -32,8 +32,11 @@ from rsoconsole.pipeline.orbits._orbit_turns import (
     orbit_innovation,
     refinement_order,
 )
-from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
-from rsoconsole.pipeline.orbits.track_measurements import PartErrors, sightings_from_measurements
+from rsoconsole.pipeline.orbits.orbit_determination import orbit_record_fields
+from rsoconsole.pipeline.orbits.track_measurements import (
+    PartialStreakErrors,
+    directions_from_measurements,
+)
 from rsoconsole.pipeline.orbits.unassigned_measurements import UnassignedMeasurements
 from rsoconsole.records import (
     Event,
@@ -48,28 +51,24 @@ from rsoconsole.tracking.filters import adaptive, estimator
 from rsoconsole.words import duration_words, semi_major_axis_words
 
 ASKED_AT = (6, 12, 24, 48, 96)
-"""Numbers of measurements at which a track is compared with earlier objects, and its orbit with
-unassigned measurements."""
+"""Measurement counts at which a track is compared with earlier objects and unassigned ones."""
 JOINED_FROM, PARTED_BELOW = 0.99, 0.5
-"""Probabilities above which a track is joined to an earlier object, and below which it is parted
-again: a wrong join makes an orbit of two objects, which leads the telescope."""
+"""Probabilities above which a track joins an earlier object, and below which it is parted again."""
 _MAX_EARLIER = 4
 _MORE_TO_SEEK = 1.2
-"""Growth of the number of directions after which all starts are used again, where none led to an
-orbit: that takes most of a second with some hundreds of them, and one more changes nothing."""
+"""Growth of the number of directions after which a failed search uses all starts again."""
 _LEARNT = 0.2
 """Share by which the learned errors must have changed before all is computed again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Refined:
+class RefinedOrbit:
     """Orbit of one track, refined after a frame."""
 
     estimate: OrbitEstimate
     seen: MeasuredDirections
     """Directions of the track alone, without earlier tracks of the same object."""
     events: tuple[Event, ...]
-    """Messages on what has changed, for the log of the night."""
 
 
 @dataclass(slots=True, eq=False)
@@ -78,7 +77,7 @@ class _Target:
 
     taken: tuple[Measurement, ...] = ()
     """Measurements accepted by the present track."""
-    part_errors: PartErrors = field(default_factory=PartErrors)
+    part_errors: PartialStreakErrors = field(default_factory=PartialStreakErrors)
     own: MeasuredDirections | None = None
     """Directions of the present track's measurements."""
     more: tuple[Measurement, ...] = ()
@@ -86,7 +85,6 @@ class _Target:
     seen: MeasuredDirections | None = None
     """Directions of both."""
     before: tuple[MeasuredDirections, ...] = ()
-    """Directions of earlier tracks."""
     orbit: Orbit | None = None
     sought_from: int = 0
     """Number of directions with which every start is used again; 0: none has failed."""
@@ -94,15 +92,12 @@ class _Target:
     scores: PredictorScores = field(default_factory=PredictorScores)
     label: str = ""
     first: TrackletOrbit | None = None
-    """Orbit of the first of its tracks, once it was needed."""
     joined: "_Target | None" = None
     """Earlier object with which it was joined; None where it is new."""
     learnt: tuple[float, float] = (0.0, 1.0)
     """Scatter (s) and variance_scale of its measurements' errors."""
     is_none_reported: bool = False
-    """True where a measurement that is no direction has been reported."""
     words: list[str] = field(default_factory=list)
-    """Messages that go on record with the next orbit."""
 
     @property
     def parts(self) -> tuple[MeasuredDirections, ...]:
@@ -118,7 +113,6 @@ class OnlineOrbit:
         self._tracks = TrackAssignment()
         self._unassigned = UnassignedMeasurements()
         self._exposures_s: dict[int, float] = {}
-        """Exposures by frame number, s."""
         self._targets: dict[str, _Target] = {}
         """Object of each track, by the id of the track's first measurement."""
         self._lead: _Target | None = None
@@ -147,24 +141,24 @@ class OnlineOrbit:
 
     @property
     def track_ids(self) -> frozenset[int]:
-        """Ids of the tracks that have a measurement, as the operator's decisions have left them."""
+        """Ids of the tracks that have a measurement."""
         return frozenset(each.track_id for each in self._tracks.tracks())
 
     @property
-    def seen(self) -> MeasuredDirections | None:
+    def lead_directions(self) -> MeasuredDirections | None:
         """Directions of the lead, else of the last lead; None before the first."""
         target = self._lead
         return None if target is None else target.seen
 
     @property
-    def orbit(self) -> Orbit | None:
+    def lead_orbit(self) -> Orbit | None:
         """Orbit of the lead, else of the last lead; None before the first."""
         target = self._lead
         return None if target is None else target.orbit
 
     @property
-    def is_guide(self) -> bool:
-        """True where the lead's orbit predicts better than the filter, and may set the aim."""
+    def is_lead_orbit_preferred(self) -> bool:
+        """True where the telescope may be aimed by the lead's orbit, as it predicts better."""
         target = self._lead
         # The next order goes out before the orbit hears of the frame that began another track.
         if target is None or self._is_begun:
@@ -174,16 +168,16 @@ class OnlineOrbit:
     def _guides(self, target: _Target) -> bool:
         return may_orbit_guide(self._config) and target.scores.is_orbit_ahead
 
-    def refine(self) -> tuple[Refined, ...]:
+    def refine(self) -> tuple[RefinedOrbit, ...]:
         """Refine the orbits of tracks with new measurements, each through all its measurements.
 
-        A track is left out where it has no new measurement, where no orbit can be determined, or
-        where its turn has not come (``_orbit_turns``). Each orbit's frame is the last one with a
-        measurement that the track accepted. Nothing is raised for directions that cannot be fitted.
+        A track is left out where no orbit can be determined, or its turn has not come
+        (``_orbit_turns``). The frame of an estimate is that of the last accepted measurement.
+        Directions that cannot be fitted raise no error.
         """
         if not self._config.orbit.online:
             return ()
-        tracks = [each for each in self._tracks.live() if each.measurements]
+        tracks = [each for each in self._tracks.live_tracks() if each.measurements]
         if not tracks:
             return ()
         self._is_begun = False
@@ -193,7 +187,7 @@ class OnlineOrbit:
         found = [self._refined(targets[n], tracks[n]) for n in now]
         return tuple(each for each in found if each is not None)
 
-    def _refined(self, target: _Target, track: Track) -> Refined | None:
+    def _refined(self, target: _Target, track: Track) -> RefinedOrbit | None:
         count, learnt = len(target.taken), target.learnt
         if not self._take(target, track) or target.seen is None:
             return None
@@ -201,7 +195,9 @@ class OnlineOrbit:
         if len(target.taken) == count + 1 and target.orbit is not None:
             # By what was learnt before it, as the filter's own answer is.
             last = adaptive.with_learned_errors(target.taken[-2:], *learnt)[-1]
-            predicted = orbit_innovation(target.orbit, self._site, target.part_errors.last_of(last))
+            predicted = orbit_innovation(
+                target.orbit, self._site, target.part_errors.with_last_widening(last)
+            )
         self._ask_earlier(target)
         self._claim_unassigned(target, count)
         seen, _ = merged_tracklets(target.parts)
@@ -212,7 +208,7 @@ class OnlineOrbit:
         if track.last.foretold_by == "orbit":
             target.scores.add_filter_failure(track.last.filter_nis, self._config.filter.gate_nis)
         elif predicted is not None and (by_filter := self._by_filter(track)) is not None:
-            target.scores.compare(predicted.score, by_filter)
+            target.scores.add_scores(predicted.score, by_filter)
         estimate = self._estimate(target, track, orbit, seen, predicted)
         words, target.words = [*target.words, *_news(target, estimate)], []
         if not track.last.is_lead:
@@ -222,10 +218,10 @@ class OnlineOrbit:
         if track.last.is_lead and estimate.is_guide != was_guide:
             which = "orbit from now on" if estimate.is_guide else "filter again"
             text = f"aims by the {which}: {target.scores.words}"
-            topic: Topic = "close predictor" if target.scores.is_close else "predictor"
+            topic: Topic = "close predictor" if target.scores.has_similar_sigmas else "predictor"
             turn = Event(level="info", text=text, frame_id=estimate.frame_id, topic=topic)
             events.append(turn)
-        return Refined(estimate=estimate, seen=target.seen, events=tuple(events))
+        return RefinedOrbit(estimate=estimate, seen=target.seen, events=tuple(events))
 
     def _aimed_at(self, tracks: Sequence[Track]) -> list[_Target]:
         """Return the object of each track, a known one or a new one until it is joined.
@@ -257,8 +253,10 @@ class OnlineOrbit:
         start = len(known) if is_longer else 0
         back = min(start, 1)
         fresh = adaptive.with_learned_errors(taken[start - back :], *target.learnt)[back:]
-        target.part_errors = target.part_errors if is_longer else PartErrors()
-        fresh = target.part_errors.with_shared_errors(fresh, taken, track.last, self._exposures_s)
+        target.part_errors = target.part_errors if is_longer else PartialStreakErrors()
+        fresh = target.part_errors.with_widened_covariances(
+            fresh, taken, track.last, self._exposures_s
+        )
         seen = self._reduced(fresh)
         if (seen is None or len(seen) < len(fresh)) and not target.is_none_reported:
             target.is_none_reported = True
@@ -288,7 +286,9 @@ class OnlineOrbit:
             return
         # By the orbit of the frame before: all that it claims is asked for again each time.
         frames = {m.frame_id for m in target.taken}
-        more = self._unassigned.of(target.orbit, self._site, frames, target.learnt)
+        more = self._unassigned.measurements_of_orbit(
+            target.orbit, self._site, frames, target.learnt
+        )
         if len(more) > len(target.more):
             new = len(more) - len(target.more)
             target.words.append(f"{new} more of the streaks that no track took belong to it")
@@ -299,7 +299,7 @@ class OnlineOrbit:
     def _reduced(self, taken: Sequence[Measurement]) -> MeasuredDirections | None:
         """Return the directions of measurements, without those that are no directions."""
         try:
-            return sightings_from_measurements(self._site, taken)
+            return directions_from_measurements(self._site, taken)
         except ValueError:
             if len(taken) == 1:
                 return None
@@ -340,7 +340,7 @@ class OnlineOrbit:
             earlier.first = tracklet_orbit(parts[0], self._config.orbit.prior)
         if earlier.first is None:
             return 0.0
-        return probability_of(log_odds_of_more(earlier.first, parts[1:], now))
+        return probability_from_log_odds(log_odds_of_joining(earlier.first, parts[1:], now))
 
     def _determined(self, target: _Target, seen: MeasuredDirections) -> Orbit | None:
         start: State | None = None
@@ -351,7 +351,7 @@ class OnlineOrbit:
         if start is None and not is_sought:
             return None
         with np.errstate(all="ignore"):
-            found = determine(
+            found = determine_orbit(
                 seen, prior=self._config.orbit.prior, start=start, tries_seeds=is_sought
             )
         if found is not None and not found.is_astray:
@@ -383,7 +383,7 @@ class OnlineOrbit:
         predicted: OrbitInnovation | None,
     ) -> OrbitEstimate:
         return OrbitEstimate(
-            **orbit_values(orbit),
+            **orbit_record_fields(orbit),
             frame_id=track.last.frame_id,
             track_id=track.track_id,
             reason=orbit.reason,

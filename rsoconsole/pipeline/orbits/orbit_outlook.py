@@ -18,7 +18,7 @@ _STEP_S = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlaceAhead:
+class FuturePosition:
     """Predicted position of the object at one instant."""
 
     t_utc_ns: int
@@ -37,7 +37,7 @@ class PlaceAhead:
 class OrbitOutlook:
     """Places and events of an object after its last direction."""
 
-    ahead: tuple[PlaceAhead, ...]
+    ahead: tuple[FuturePosition, ...]
     is_up: bool
     """True where it is above the telescope's altitude limit at the beginning."""
     sets_utc_ns: int | None
@@ -72,7 +72,7 @@ def orbit_outlook(
     )
 
 
-def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[PlaceAhead, ...]:
+def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[FuturePosition, ...]:
     predicted = predict(orbit, site, t_utc_ns)
     places, sigma = predicted.places, predicted.sigma_arcsec
     altitude_deg, azimuth_deg = icrs_to_altaz(
@@ -80,7 +80,7 @@ def _ahead(orbit: KnownOrbit, site: Site, t_utc_ns: IntArray) -> tuple[PlaceAhea
     )
     lit = lit_fraction(places.position_gcrs_km, t_utc_ns)
     return tuple(
-        PlaceAhead(
+        FuturePosition(
             t_utc_ns=int(t_utc_ns[n]),
             ra_icrs_deg=float(places.ra_icrs_deg[n]),
             dec_icrs_deg=float(places.dec_icrs_deg[n]),

@@ -1,7 +1,6 @@
-"""Orbits, names and pairs of a frame's tracks, computed while the mount moves.
+"""Orbits, catalogue names and relative motion of the tracks, computed after each frame.
 
-Computed are each track's orbit and name, the tracks' relative motion, and the catalogued objects
-expected beside them.
+Catalogued objects that should be in the frame and have no track are found too.
 """
 
 import logging
@@ -9,10 +8,10 @@ from collections.abc import Mapping, Sequence
 
 from rsoconsole.base import OrbitError
 from rsoconsole.config import Config
-from rsoconsole.pipeline.orbits._naming import Naming
-from rsoconsole.pipeline.orbits._pairs import Pairs
-from rsoconsole.pipeline.orbits.expected import UnfollowedMembers
-from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, Refined
+from rsoconsole.pipeline.orbits._naming import TrackIdentifier
+from rsoconsole.pipeline.orbits._pairs import TrackPairs
+from rsoconsole.pipeline.orbits.expected import UntrackedObjects
+from rsoconsole.pipeline.orbits.orbit_online import OnlineOrbit, RefinedOrbit
 from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
 from rsoconsole.records import Event, OrbitEstimate, Record
 
@@ -20,17 +19,17 @@ log = logging.getLogger(__name__)
 
 
 class Orbits:
-    """Computes orbits, names and pairs of the tracks from the log, after each frame.
+    """Computes orbits, catalogue names and relative motion of the tracks after each frame.
 
-    Tracking does not depend on it: a failure is reported once, and nothing is raised.
+    Tracking does not depend on it: a fault is reported once as an event, and nothing is raised.
     """
 
     def __init__(self, config: Config, past: Past | None = None) -> None:
         """``past``: uncorrelated tracks of earlier nights, to compare unknown tracks with."""
         self.online = OnlineOrbit(config)
-        self._naming = Naming(config, past)
-        self.pairs = Pairs(config)
-        self.expected = UnfollowedMembers(config, self._naming.entries)
+        self._naming = TrackIdentifier(config, past)
+        self.pairs = TrackPairs(config)
+        self.expected = UntrackedObjects(config, self._naming.entries)
         self._faults: set[str] = set()
         self.last: Mapping[int, OrbitEstimate] = {}
         """Last orbit on record by track id; replaced, never changed, as frames keep it."""
@@ -57,8 +56,8 @@ class Orbits:
         self.pairs.forget()
         self.last = {}
 
-    def refine(self) -> tuple[Record, ...]:
-        """Return the records that follow a frame.
+    def derive_frame_records(self) -> tuple[Record, ...]:
+        """Return the new records after a frame.
 
         They are OrbitEstimate, Identified, PairMotions, ExpectedMembers, and events about these.
         """
@@ -79,8 +78,8 @@ class Orbits:
         """Return the records that concern all tracks together."""
         records: list[Record] = []
         try:
-            records += self.pairs.refine()
-            records += self.expected.refine()
+            records += self.pairs.derive_frame_records()
+            records += self.expected.derive_frame_records()
         except OrbitError as error:
             records += self._complaint(f"nobody is expected by the catalogue: {error}")
         except Exception as error:  # the telescope goes on without them
@@ -88,13 +87,13 @@ class Orbits:
             records += self._complaint(f"the field could not be looked over ({error}): see the log")
         return records
 
-    def _names_of(self, refined: Sequence[Refined]) -> Sequence[Record]:
+    def _names_of(self, refined: Sequence[RefinedOrbit]) -> Sequence[Record]:
         if not refined:
             return ()
         frame_id = max(each.estimate.frame_id for each in refined)
         seen = {each.estimate.track_id: each.seen for each in refined}
         try:
-            found = self._naming.ask(frame_id, seen, self.online.track_ids)
+            found = self._naming.identify_due_tracks(frame_id, seen, self.online.track_ids)
         except OrbitError as error:
             return self._complaint(f"it has no name: {error}")
         for name in found:

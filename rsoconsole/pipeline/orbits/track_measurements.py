@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.base import OrbitError, SessionError, json_of, read_named_file, value_errors_as
+from rsoconsole.base import OrbitError, SessionError, parse_json, read_named_file, value_errors_as
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.orbits import MeasuredDirections, merged_tracklets, reduce_directions
 from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
@@ -17,20 +17,20 @@ from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.tracking import (
     Motion,
-    excesses_with,
+    append_length_excess,
     expected_motion,
     motion_in_exposure,
-    with_part_error,
+    widened_for_short_streak,
 )
 
 _BESIDE, _BESIDE_S = 5, 600.0
 """Measurements to either side, and seconds, over which a satellite's rate counts as constant."""
 
 
-class PartErrors:
-    """Widens the errors of streaks that show only a part of the object's motion in the exposure.
+class PartialStreakErrors:
+    """Widens the errors of streaks that show only part of the motion during the exposure.
 
-    It remembers by how much the earlier streaks of the track were too short.
+    It keeps the shortfalls in length of the track's earlier streaks.
     """
 
     def __init__(self) -> None:
@@ -38,19 +38,18 @@ class PartErrors:
         self._added_arcsec2: tuple[float, ...] = (0.0, 0.0, 0.0)
         """Addition to the covariance of the last measurement."""
 
-    def with_shared_errors(
+    def with_widened_covariances(
         self,
         fresh: Sequence[Measurement],
         taken: Sequence[Measurement],
         track: TrackState,
         exposures_s: Mapping[int, float],
     ) -> tuple[Measurement, ...]:
-        """Return the track's new measurements, with the covariances of part streaks widened.
+        """Return a track's new measurements, with wider covariances for partial streaks.
 
-        The error of part streaks in a row is shared. ``fresh``: new measurements, equal to the last
-        of ``taken`` but for other changes of their covariances; ``taken``: all measurements of the
-        track, in order of time; ``track``: its present state; ``exposures_s``: exposures by frame
-        number, without frames that did not state it.
+        Successive partial streaks share an error. ``fresh``: the new measurements, the last of
+        ``taken`` (their covariances may differ); ``taken``: all of the track's, in order of time;
+        ``track``: its present state; ``exposures_s``: known exposure times by frame number.
         """
         found, first = [], len(taken) - len(fresh)
         for n, each in enumerate(fresh, start=first):
@@ -58,15 +57,15 @@ class PartErrors:
             wider = each
             if exposure_s is not None:
                 expected = _motion(taken, n, exposure_s) or expected_motion(track, exposure_s)
-                wider = with_part_error(each, expected, self._excesses)
-                self._excesses = excesses_with(self._excesses, each, expected)
+                wider = widened_for_short_streak(each, expected, self._excesses)
+                self._excesses = append_length_excess(self._excesses, each, expected)
             found.append(wider)
             added = np.subtract(wider.cov_sky_arcsec2, each.cov_sky_arcsec2)
             self._added_arcsec2 = tuple(map(float, added))
         return tuple(found)
 
-    def last_of(self, measurement: Measurement) -> Measurement:
-        """Return the last measurement, given with another covariance, with its widening added."""
+    def with_last_widening(self, measurement: Measurement) -> Measurement:
+        """Return the last measurement with its widening added to the covariance given here."""
         ee, en, nn = np.add(measurement.cov_sky_arcsec2, self._added_arcsec2)
         return replace(measurement, cov_sky_arcsec2=(float(ee), float(en), float(nn)))
 
@@ -91,10 +90,9 @@ def _motion(taken: Sequence[Measurement], n: int, exposure_s: float) -> Motion |
 _FEWEST = 3
 _SHAPE = 'like {"site": {"lat_deg", "lon_deg", "alt_m"}, "obs": [[time, RA, Dec], ...]}'
 ARC_GAP_S = 3 * 3600.0
-"""Longest gap between two directions of one arc, s."""
 
 
-def sightings_from_measurements(site: Site, taken: Sequence[Measurement]) -> MeasuredDirections:
+def directions_from_measurements(site: Site, taken: Sequence[Measurement]) -> MeasuredDirections:
     """Convert measurements to directions for an orbit, as seen from a site.
 
     Raises ValueError for a measurement that is not a direction.
@@ -119,9 +117,7 @@ class ObservedTrack:
     """Limits of the session's telescope; None for a file."""
     seen: MeasuredDirections
     tracks: int = 1
-    """Number of tracks in the session."""
     number: int = 1
-    """Number of this track, in order of time."""
     track_id: int | None = None
     """Track id in the session's records; None for a file."""
 
@@ -140,16 +136,16 @@ def read_observed_tracks(
     return (_read_file(path, sigma_arcsec, site),)
 
 
-def arcs(seen: MeasuredDirections) -> tuple[MeasuredDirections, ...]:
+def split_into_arcs(seen: MeasuredDirections) -> tuple[MeasuredDirections, ...]:
     """Split directions into arcs, in order of time, at each gap longer than ``ARC_GAP_S``."""
     starts = np.flatnonzero(np.diff(seen.t_s) > ARC_GAP_S) + 1
     groups = np.split(np.arange(len(seen)), starts)
-    return tuple(merged_tracklets([seen.of(each)])[0] for each in groups)
+    return tuple(merged_tracklets([seen.subset(each)])[0] for each in groups)
 
 
 def longest_arc(seen: MeasuredDirections) -> MeasuredDirections:
     """Return the arc with the most directions."""
-    return max(arcs(seen), key=len)
+    return max(split_into_arcs(seen), key=len)
 
 
 def _read_session(folder: Path, track: int | None) -> tuple[ObservedTrack, ...]:
@@ -180,9 +176,11 @@ def _of_track(
     """``place``: number of the track, and how many there are."""
     site, (number, count) = config.site.to_site(), place
     measured = tuple(track.measurements)
-    taken = PartErrors().with_shared_errors(measured, measured, track.last, exposures_s)
+    taken = PartialStreakErrors().with_widened_covariances(
+        measured, measured, track.last, exposures_s
+    )
     try:
-        seen = sightings_from_measurements(site, taken)
+        seen = directions_from_measurements(site, taken)
     except ValueError as error:
         raise SessionError(
             f"{name}, track {number}: {error}; take another track with --track"
@@ -212,7 +210,7 @@ def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
 def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> ObservedTrack:
     text = read_named_file(path, OrbitError, "name a session's folder or a file of observations")
     try:
-        read = json_of(text)
+        read = parse_json(text)
     except ValueError as error:
         raise OrbitError(f"{path} is not JSON: {error}; it must be {_SHAPE}") from error
     if not isinstance(read, dict):

@@ -1,9 +1,8 @@
-"""Measurements that no track accepted, and those among them that belong to an orbit.
+"""Measurements that no track accepted, and the search among them for those of an orbit.
 
-A track begins with the first two frames that agree, and coasts past measurements that its gate
-excludes: measurements before the beginning, or excluded ones, may be of the same object. An orbit
-can decide it later: a direction belongs to the object where the density that the orbit predicts
-there exceeds that of unrelated detections.
+A track begins with the first two frames that agree, and its gate may exclude measurements. Earlier
+or excluded measurements may still be of the same object. One belongs to the object where the
+orbit's predicted density at its direction far exceeds that of unrelated detections.
 """
 
 import math
@@ -38,7 +37,6 @@ class UnassignedMeasurements:
 
     def __init__(self) -> None:
         self._seen: dict[str, Measurement] = {}
-        """Measurements by id, in order of time."""
         self._settled: dict[int, set[str]] = {}
         """Ids by frame: measurements that tracks accepted, and those that the operator rejected."""
 
@@ -55,13 +53,14 @@ class UnassignedMeasurements:
         elif isinstance(record, NotFollowed) and record.reason == REFUSED:
             self._settle(record.frame_id, (record.measurement.measurement_id,))
 
-    def of(
+    def measurements_of_orbit(
         self, orbit: KnownOrbit, site: Site, without: Collection[int], learnt: tuple[float, float]
     ) -> tuple[Measurement, ...]:
-        """Unassigned measurements that belong to an orbit, in order of time; at most one a frame.
+        """Return the unassigned measurements that belong to an orbit, at most one per frame.
 
-        ``without``: frames in which the object's streak is known already; ``learnt``: timing
-        scatter (s) and factor on variances, as the track has learned them.
+        They are in order of time. ``without``: frames to leave out, in which the object is measured
+        already; ``learnt``: (timing scatter, s; factor on variances) as the track has learned
+        them.
         """
         settled = set(chain.from_iterable(self._settled.values()))
         asked = [

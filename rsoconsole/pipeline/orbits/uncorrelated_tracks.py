@@ -1,4 +1,4 @@
-"""Uncorrelated tracks: kept from a session in the ledger, and recognised in later nights."""
+"""Uncorrelated tracks: stored in the ledger, and recognised on later nights."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,12 +18,12 @@ from rsoconsole.orbits import (
     PerturbedPropagator,
     common_error_arcsec,
     correlate_tracks,
-    determine,
+    determine_orbit,
     merged_tracklets,
     mid_track_direction_and_rates,
     reduce_directions,
 )
-from rsoconsole.pipeline.orbits.orbit_determination import orbit_values
+from rsoconsole.pipeline.orbits.orbit_determination import orbit_record_fields
 from rsoconsole.pipeline.orbits.track_measurements import (
     ObservedTrack,
     longest_arc,
@@ -61,11 +61,8 @@ class KeptTrack:
     """Track of a session that is kept in the ledger."""
 
     track: int
-    """Number of the track in the session."""
     number: int
-    """Number of the object in the ledger."""
     is_new: bool
-    """True where the ledger did not have that object."""
     recognised: Correlation | None
     """Correlation with the ledger's objects; None where the track was in the ledger already."""
 
@@ -87,9 +84,9 @@ class Past:
 
     def __init__(self, ledger: Ledger) -> None:
         self._objects = {each.number: each for each in ledger.objects}
-        self._before = seen_before(ledger.objects)
+        self._before = latest_ledger_tracks(ledger.objects)
 
-    def names_of(
+    def ledger_names(
         self, tracks: Mapping[int, MeasuredDirections], site: Site
     ) -> dict[int, LedgerName]:
         """Return names from the ledger, by track id, of tracks that are or may be its objects."""
@@ -114,12 +111,12 @@ class Past:
         )
 
 
-def seen_before(objects: Sequence[LedgerObject]) -> tuple[EarlierTrack, ...]:
+def latest_ledger_tracks(objects: Sequence[LedgerObject]) -> tuple[EarlierTrack, ...]:
     """Return the latest tracks of each object in the ledger, for correlation."""
     return tuple(_seen_before(each.number, track) for each in objects for track in each.tracks[-2:])
 
 
-def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
+def keep_unknown_tracks(folder: Path, path: Path | None = None) -> KeptSession:
     """Keep the tracks of a closed session whose recorded identification is "unknown".
 
     Tracks never compared with a catalogue are left out. ``path``: the ledger; None: the usual one.
@@ -133,22 +130,22 @@ def keep_night(folder: Path, path: Path | None = None) -> KeptSession:
     if not unknown:
         return KeptSession()
     tracks = [each for each in read_observed_tracks(folder) if each.track_id in unknown]
-    return keep(folder, tracks, (), path)
+    return keep_tracks(folder, tracks, (), path)
 
 
-def keep(
+def keep_tracks(
     folder: Path,
     tracks: Sequence[ObservedTrack],
     named: Sequence[ObservedTrack],
     path: Path | None = None,
 ) -> KeptSession:
-    """Keep tracks of a session that no catalogue explains, and withdraw those identified since.
+    """Store a session's uncatalogued tracks in the ledger; withdraw those identified since.
 
-    ``named``: the session's identified tracks; ``path``: the ledger; None: the usual one. Simulated
-    nights have a ledger of their own. Raises SessionError.
+    ``tracks``: the uncatalogued ones; ``named``: the identified ones; ``path``: the ledger's file;
+    None: the user's, a separate one for simulated nights. Raises SessionError.
     """
     session = folder.resolve().name
-    is_simulated = SessionReader(folder).about().get("is_simulated") is True
+    is_simulated = SessionReader(folder).read_meta().get("is_simulated") is True
     path = path or ledger_path(is_simulated=is_simulated)
     long = sorted(
         (each for each in tracks if len(each.seen) >= MIN_TRACKS), key=lambda each: each.number
@@ -162,7 +159,7 @@ def keep(
         # Nothing is on the disk yet: with another's change in between it would be asked again.
         found: list[Change] = []
         for each in named:
-            if ledger.number_of(session, each.track_id or 0) is not None:
+            if ledger.number_of_track(session, each.track_id or 0) is not None:
                 found.append(withdraw_change(session, each.track_id or 0))
                 back.append(each.number)
         done.extend(_kept_tracks(session, ledger, ready))
@@ -190,7 +187,7 @@ def _kept_tracks(
     session: str, ledger: Ledger, ready: Sequence[tuple[ObservedTrack, MeasuredDirections]]
 ) -> list[KeptTrack]:
     """Return each track with its object: known by its own entry, recognised, or new."""
-    known = [ledger.number_of(session, each.track_id or 0) for each, _ in ready]
+    known = [ledger.number_of_track(session, each.track_id or 0) for each, _ in ready]
     own = {number for number in known if number is not None}
     asked = [n for n, number in enumerate(known) if number is None]
     # A session's own entries are no earlier night; its tracks are compared with one another below.
@@ -202,7 +199,7 @@ def _kept_tracks(
     answers: dict[int, Correlation] = {}
     if asked:
         found = correlate_tracks(
-            [ready[n][1] for n in asked], ready[0][0].site, seen_before(before)
+            [ready[n][1] for n in asked], ready[0][0].site, latest_ledger_tracks(before)
         )
         answers = dict(zip(asked, found, strict=True))
     new: list[tuple[int, MeasuredDirections, Site]] = []
@@ -252,7 +249,7 @@ def _of_arc(number: int, arc: MeasuredDirections, site: Site) -> EarlierTrack:
 def _determined(arc: MeasuredDirections) -> Orbit | None:
     """Return an orbit that is worth keeping; None where there is none."""
     with np.errstate(all="ignore"):
-        orbit = determine(arc)
+        orbit = determine_orbit(arc)
     if orbit is None or orbit.label not in _KNOWN:
         return None
     return orbit if np.all(np.isfinite(orbit.covariance)) else None
@@ -263,7 +260,7 @@ def _ledger_track(
 ) -> LedgerTrack:
     t, ra, dec, rate, covariance = mid_track_direction_and_rates(arc)
     step = max(1, -(-len(arc) // _MAX_DIRECTIONS))
-    some = arc.of(np.arange(0, len(arc), step))
+    some = arc.subset(np.arange(0, len(arc), step))
     cov = np.linalg.inv(np.swapaxes(some.whitening, -1, -2) @ some.whitening)
     rows = np.stack(
         [
@@ -308,8 +305,8 @@ def _ledger_orbit(
         joined, common = _determined(whole), min(common_error_arcsec(whole), _MAX_COMMON_ARCSEC)
         most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
         if joined is not None and joined.rms_arcsec <= most:
-            return LedgerOrbit(**orbit_values(joined), nights=1 + len(parts))
-    return None if orbit is None else LedgerOrbit(**orbit_values(orbit))
+            return LedgerOrbit(**orbit_record_fields(joined), nights=1 + len(parts))
+    return None if orbit is None else LedgerOrbit(**orbit_record_fields(orbit))
 
 
 def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:

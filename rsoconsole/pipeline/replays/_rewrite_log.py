@@ -1,8 +1,8 @@
 """Log of a session as it would have been with other settings. Pure.
 
-Inputs of the fold stay, in their order; its recorded output is replaced by its output now. A log
-rewritten with no changes is the log itself, and a rewritten log replayed with the changed
-configuration gives its own records again (on another processor: to the last digits).
+The inputs of tracking stay in their order; its recorded results are replaced by those of the
+replay. Without changed settings the rewritten log equals the original. Replayed with the changed
+configuration, it gives its own records again (on another processor: but for the last digits).
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -10,10 +10,10 @@ from dataclasses import replace
 from typing import assert_never
 
 from rsoconsole.config import Config
-from rsoconsole.night import FOLDED, is_from_outside
+from rsoconsole.night import FOLDED, is_external_change
 from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
-from rsoconsole.pipeline.frame.measurement import at_its_row, shutter_mid_utc_ns, shutter_time
-from rsoconsole.pipeline.replays.record_equality import are_alike
+from rsoconsole.pipeline.frame.measurement import frame_timing, mid_exposure_utc_ns, with_row_time
+from rsoconsole.pipeline.replays.record_equality import are_nearly_equal
 from rsoconsole.pipeline.replays.refold import RecordRole, ReplayedFrame, ReplayState
 from rsoconsole.records import (
     BesideRecord,
@@ -55,7 +55,6 @@ class LogRewriter:
         ``on_frame``: called with each folded frame as soon as it is complete.
         """
         self.config = walk.config
-        """Configuration with the changes, with which the other log begins."""
         self._on_record = on_record
         self._on_frame = on_frame
         self._walk = walk
@@ -87,7 +86,7 @@ class LogRewriter:
         self._write_other(t_utc_ns, record, before)
 
     def close(self) -> None:
-        """Complete the frame whose records still come in, at the end of the log."""
+        """Write the frame that is still open, as at the end of the log."""
         for each in self._walk.close():
             self._write_frame(each)
         self._is_void = False
@@ -130,7 +129,7 @@ class LogRewriter:
 
     def _write_change(self, t_utc_ns: int, record: StateChange, before: LoopState) -> None:
         """Write a change of state that belongs to no open frame."""
-        if is_from_outside(record):
+        if is_external_change(record):
             change = _passage(record, before, self._walk.following.state)
             self._on_record(t_utc_ns, change)
         elif self._walk.is_ruled:
@@ -157,10 +156,10 @@ class LogRewriter:
         if again is None:
             return measurement
         taken, exposure = again.observations.taken, again.config.exposure
-        t_mid_ns = shutter_mid_utc_ns(taken, exposure)
+        t_mid_ns = mid_exposure_utc_ns(taken, exposure)
         if t_mid_ns is None:
             return measurement
-        return at_its_row(measurement, t_mid_ns, shutter_time(taken, exposure))
+        return with_row_time(measurement, t_mid_ns, frame_timing(taken, exposure))
 
     def _write_frame(self, closed: ReducedFrame) -> None:
         """Write a complete frame: its inputs, the fold's records, and the others with it."""
@@ -171,7 +170,7 @@ class LogRewriter:
         if isinstance(closed, ReplayedFrame):
             self._on_frame(closed)
             folded = closed.records
-        is_same = inputs == tuple(r for _, r, part in held if part == "input") and are_alike(
+        is_same = inputs == tuple(r for _, r, part in held if part == "input") and are_nearly_equal(
             folded, tuple(r for _, r, part in held if part == "folded")
         )
         self._is_another_night = self._is_another_night or not is_same
@@ -214,7 +213,7 @@ def _closes(record: Record) -> bool:
         case FrameTaken() | CycleTiming() | Ruling() | FollowedAgain() | ParameterChange():
             return True
         case StateChange():
-            return is_from_outside(record)
+            return is_external_change(record)
         case Event():
             return record.topic == "kept"
         case _ if isinstance(record, (FoldInput, FoldRecord, OrbitRecord, BesideRecord)):

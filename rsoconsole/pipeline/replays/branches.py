@@ -1,9 +1,9 @@
-"""Branches of a session: what-ifs with a name.
+"""Branches of a session: named what-ifs, stored in its folder.
 
-``SESSION/branches/NAME`` holds a database like that of a session, with the whole log as it would
-have been. Its ``meta`` holds the session (``branch_of``), the changed settings (``changes``), and
-the figures before and after. The session itself is never written to. Pictures and frames stay with
-the session, where the reader looks for what a branch does not hold.
+``SESSION/branches/NAME`` holds a database like a session's, with the whole log as it would have
+been. Its ``meta`` holds the original session (``branch_of``), the changed settings (``tried``), and
+the figures before and after. The original is never written to. A branch has no pictures or frames
+of its own: the reader takes them from the original.
 """
 
 import re
@@ -16,7 +16,7 @@ from typing import Any
 from rsoconsole import __version__
 from rsoconsole.base import SessionError, value_errors_as
 from rsoconsole.pipeline.replays.what_if_log import WhatIf, rewritten_log
-from rsoconsole.session import DATABASE, SessionReader, SessionWriter, folders_in, replace_folder
+from rsoconsole.session import DATABASE, SessionReader, SessionWriter, paths_in, replace_folder
 
 BRANCHES = "branches"
 RESERVED = ("figures", "exports")
@@ -35,7 +35,6 @@ class Branch:
     folder: Path
     changes: dict[str, Any] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
-    """Figures ``recorded`` and ``what_if``, as computed when the branch was made."""
     t_made_utc_ns: int | None = None
     fault: str | None = None
     """Reason why the branch cannot be read; its figures and changes are then empty."""
@@ -53,7 +52,7 @@ def branch_folder(session: Path, name: str) -> Path:
     return session / BRANCHES / name
 
 
-def check_name(session: Path, name: str, *, force: bool = False) -> Path:
+def new_branch_folder(session: Path, name: str, *, force: bool = False) -> Path:
     """Return the folder for a new branch. Raises SessionError where it cannot be made.
 
     ``force``: an existing branch of that name may be replaced.
@@ -73,7 +72,7 @@ def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
     SessionError for a name that is not allowed or is taken (unless ``force``), and where it cannot
     be written.
     """
-    folder = check_name(what_if.session, name, force=force)
+    folder = new_branch_folder(what_if.session, name, force=force)
     beside = folder.with_name(f".{name}.part")
     try:
         folder.parent.mkdir(exist_ok=True)
@@ -92,7 +91,7 @@ def save_branch(what_if: WhatIf, name: str, *, force: bool = False) -> Path:
 
 def branches_of(session: Path) -> tuple[Branch, ...]:
     """Session's branches in order of name. Raises SessionError where they cannot be listed."""
-    folders = sorted(folders_in(session / BRANCHES))
+    folders = sorted(paths_in(session / BRANCHES))
     return tuple(_branch(folder) for folder in folders if _is_branch(folder))
 
 
@@ -120,7 +119,7 @@ def _is_branch(folder: Path) -> bool:
 
 def _branch(folder: Path) -> Branch:
     try:
-        about = SessionReader(folder).about()
+        about = SessionReader(folder).read_meta()
     except SessionError as error:
         return Branch(name=folder.name, folder=folder, fault=str(error))
     made = about.get("t_made_utc_ns")
@@ -134,7 +133,7 @@ def _branch(folder: Path) -> Branch:
 
 
 def _write(what_if: WhatIf, name: str, folder: Path) -> None:
-    session = SessionReader(what_if.session).about()
+    session = SessionReader(what_if.session).read_meta()
     title = session.get("title") or what_if.session.resolve().name
     about = {key: session[key] for key in _OF_THE_SESSION if key in session}
     about |= {

@@ -13,12 +13,12 @@ _DIRECTION_DEG = 1e-9
 """Tolerance of a direction: four millionths of an arcsecond, below any record's precision."""
 
 
-def are_alike(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
+def are_nearly_equal(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
     """True where two lists of records agree, apart from a processor's rounding."""
-    return len(ours) == len(theirs) and all(map(is_alike, ours, theirs))
+    return len(ours) == len(theirs) and all(map(is_nearly_equal, ours, theirs))
 
 
-def is_alike(one: Any, other: Any) -> bool:
+def is_nearly_equal(one: Any, other: Any) -> bool:
     """True where two records, or two values of records, agree apart from rounding."""
     if one == other:
         return True
@@ -28,16 +28,16 @@ def is_alike(one: Any, other: Any) -> bool:
         return _is_same_track(one, other)
     if is_dataclass(one):
         names = (field.name for field in fields(one))
-        return all(is_alike(getattr(one, name), getattr(other, name)) for name in names)
+        return all(is_nearly_equal(getattr(one, name), getattr(other, name)) for name in names)
     if isinstance(one, tuple):
-        return are_alike(one, other)
+        return are_nearly_equal(one, other)
     return isinstance(one, float) and math.isclose(one, other, rel_tol=ROUNDING)
 
 
 def _is_same_track(one: TrackState, other: TrackState) -> bool:
     """True where places agree beyond what is measurable, covariances in units of their diagonal."""
     plain = (f.name for f in fields(one) if f.name not in {"x", "P", "innovation_arcsec"})
-    if not all(is_alike(getattr(one, name), getattr(other, name)) for name in plain):
+    if not all(is_nearly_equal(getattr(one, name), getattr(other, name)) for name in plain):
         return False
     sigma = [math.sqrt(one.P[n][n]) for n in range(4)]
     largest = max(_DIRECTION_DEG, ROUNDING * max(sigma))

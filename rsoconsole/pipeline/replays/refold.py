@@ -1,13 +1,13 @@
-"""Replay of the tracks from what is on record alone: the same fold, the same inputs. Pure.
+"""Replay of a session's tracking from its records alone. Pure.
 
-What-if, review and tests run this. With the session's own configuration it gives every record of
-the fold again, bit for bit. The inputs are, in the order of the log:
-- the frames that were reduced (``FrameTaken``, ``Detections``, the plate, the measurements),
-- changes of parameters,
-- changes of state that came from outside the fold.
+What-if, review and tests use this module. With the session's own configuration it gives every
+tracking record again, bit for bit. The inputs are, in the order of the log:
+- the reduced frames (``FrameTaken``, ``Detections``, plate solution, measurements),
+- changes of settings,
+- changes of state that do not come from frames, such as the operator's.
 
-A frame without ``Detections`` was never reduced (its reduction failed or was stopped) and is no
-miss; a frame taken while the operator had control was reduced, not folded.
+A frame without ``Detections`` was never reduced (its reduction failed or was stopped) and does not
+count as a miss. A frame taken while the operator had control was reduced but not tracked.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -15,25 +15,25 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, assert_never
 
 from rsoconsole.config import Config, ExposureConfig, with_changes, with_setting
-from rsoconsole.night import FOLDED, is_from_outside, is_instrument_miss
-from rsoconsole.pipeline.cycle.decisions import FollowedFrames, HandTrack
+from rsoconsole.night import FOLDED, is_external_change, is_instrument_miss
+from rsoconsole.pipeline.cycle.decisions import FollowedFrames, UntrackedFrames
 from rsoconsole.pipeline.cycle.frame_fold import (
     FoldedFrame,
     FrameObservations,
     ReducedFrame,
-    fold,
+    fold_frame,
     star_history_without_fold,
 )
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory
-from rsoconsole.pipeline.cycle.track_assignment import kept_after
+from rsoconsole.pipeline.cycle.track_assignment import resumable_state_after
 from rsoconsole.pipeline.frame.marked_frames import BEGIN_MARK
 from rsoconsole.pipeline.frame.measurement import (
-    at_its_row,
+    frame_timing,
     measure,
-    shutter_mid_utc_ns,
-    shutter_time,
+    mid_exposure_utc_ns,
+    with_row_time,
 )
-from rsoconsole.pipeline.replays.record_equality import are_alike
+from rsoconsole.pipeline.replays.record_equality import are_nearly_equal
 from rsoconsole.records import (
     FOLLOWING,
     BelowTau,
@@ -62,24 +62,24 @@ from rsoconsole.records import (
 from rsoconsole.tracking import Following
 
 
-def at_instant(
+def with_mid_exposure(
     observed: FrameObservations, t_mid_utc_ns: int, exposure: ExposureConfig
 ) -> FrameObservations:
-    """Return the observations with their measurements at another mid-exposure of the frame.
+    """Return a frame's observations with their measurements at another mid-exposure.
 
-    ``t_mid_utc_ns``: mid-exposure of the first row, which changes with the header latency.
+    ``t_mid_utc_ns``: mid-exposure of the first row, which depends on the header latency.
     """
-    shutter = shutter_time(observed.taken, exposure)
-    moved = tuple(at_its_row(m, t_mid_utc_ns, shutter) for m in observed.measurements)
+    shutter = frame_timing(observed.taken, exposure)
+    moved = tuple(with_row_time(m, t_mid_utc_ns, shutter) for m in observed.measurements)
     return observed if moved == observed.measurements else replace(observed, measurements=moved)
 
 
-def at_tau(observed: FrameObservations, config: Config) -> FrameObservations:
-    """Return the observations that the frame would have with the configured tau.
+def with_tau(observed: FrameObservations, config: Config) -> FrameObservations:
+    """Return a frame's observations as they would be with the tau of ``config``.
 
-    The detector records candidates that pass its other gates below tau, so nothing is guessed.
-    Detections and measurements are in order of confidence. Without a plate solution a candidate is
-    detected and not measured, as in the reduction.
+    Recorded candidates that passed all other gates become detections, or detections become
+    rejected. Detections and measurements are in order of confidence. Without a plate solution
+    nothing is measured, as in the reduction.
     """
     tau = config.detector.tau
     found = observed.detections
@@ -126,17 +126,16 @@ TAU = "detector.tau"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayedFrame(ReducedFrame):
-    """Folded frame, as it is now and as it was recorded.
+    """Frame with its tracking records, as replayed and as recorded.
 
-    Its observations differ from the record only where another tau or header latency is set.
+    Its observations are the recorded ones unless tau or header latency is changed, or it is reduced
+    again.
     """
 
     after: Following
-    """State after the frame."""
     records: tuple[Record, ...]
     """Records of the fold now: TrackState, NotFollowed, Miss, StateChange, in order."""
     recorded: tuple[Record, ...]
-    """Records of the fold in the session."""
 
     @property
     def taken(self) -> FrameTaken:
@@ -145,9 +144,9 @@ class ReplayedFrame(ReducedFrame):
 
     @property
     def is_as_recorded(self) -> bool:
-        """True where the fold's records are the recorded ones, bit for bit.
+        """True where the replayed tracking records equal the recorded ones, bit for bit.
 
-        False for the last frame of a session that was cut off, if some of its records were not
+        False for the last frame of a session that was cut off before all its records were
         written.
         """
         return self.records == self.recorded
@@ -155,7 +154,7 @@ class ReplayedFrame(ReducedFrame):
     @property
     def is_alike(self) -> bool:
         """True where the fold's records are the recorded ones, but for a processor's rounding."""
-        return are_alike(self.records, self.recorded)
+        return are_nearly_equal(self.records, self.recorded)
 
 
 ReduceAgain: TypeAlias = Callable[[FrameObservations, Config], FrameObservations]
@@ -167,17 +166,15 @@ RecordRole: TypeAlias = Literal["input", "folded", "other"]
 def replay(
     records: Iterable[Record], config: Config, *, changes: Mapping[str, float | str] | None = None
 ) -> Iterator[ReplayedFrame]:
-    """Yield every frame that the session folded, in order, each once its records are complete.
+    """Yield every tracked frame of a session in order, each once its records are complete.
 
-    - ``records``: a session's log in its order, of all kinds.
-    - ``config``: that of the session's beginning; recorded changes are applied as they come.
-    - ``changes``: settings by dotted name that hold from the start, in place of recorded values
-      (what-if).
+    - ``records``: all records of the session's log, in order.
+    - ``config``: at the session's beginning; recorded changes are applied as they come.
+    - ``changes``: settings by dotted name, valid from the start in place of recorded values.
 
-    Another tau admits or leaves out candidates by their recorded confidence; another header latency
-    moves all instants. Everything else in the measurements stays as recorded, and so does the
-    telescope's pointing. Raises ConfigError for a setting that does not exist, or a value that it
-    cannot have.
+    Another tau admits or rejects candidates by their recorded confidence; another header latency
+    shifts all times. Everything else in the measurements, and the telescope's pointing, stays as
+    recorded. Raises ConfigError for an unknown setting or a value that is not allowed.
     """
     walk = ReplayState.begin(config, changes)
     for record in records:
@@ -208,9 +205,8 @@ class ReplayState:
     open: FrameObservations | None = None
     """Frame that was reduced and whose records still come in; None between frames."""
     recorded: list[Record] = field(default_factory=list)
-    """Recorded output of the fold for the open frame, so far."""
     folds: FollowedFrames = field(default_factory=FollowedFrames)
-    hand: HandTrack = field(default_factory=HandTrack)
+    hand: UntrackedFrames = field(default_factory=UntrackedFrames)
     is_by_hand: bool = False
     """True where the operator's last decision was on a frame that belongs to no track."""
     again: dict[int, FoldedFrame] = field(default_factory=dict)
@@ -263,7 +259,7 @@ class ReplayState:
                 yield from self.close()
                 if record.name not in self.held:
                     self.config = with_setting(self.config, record.name, record.after)
-            case StateChange() if is_from_outside(record):
+            case StateChange() if is_external_change(record):
                 yield from self.close()
                 self._pass(record)
             case OrbitEstimate():
@@ -288,7 +284,7 @@ class ReplayState:
             return
         frames = self.folds if self.following.state in FOLDED else self.hand
         if begun.arguments.get("on", True):
-            frames.hold(frame_id)
+            frames.hold_frame(frame_id)
         else:
             frames.release_frame(frame_id)
 
@@ -334,18 +330,18 @@ class ReplayState:
         observed, config = self.open, self.config
         self.open = self.taken = None
         if TAU in self.held:
-            observed = at_tau(observed, config)
+            observed = with_tau(observed, config)
         if self.reduce_again is not None:
             observed = self.reduce_again(observed, config)
-        t_mid_ns = shutter_mid_utc_ns(observed.taken, config.exposure)
+        t_mid_ns = mid_exposure_utc_ns(observed.taken, config.exposure)
         if t_mid_ns is not None:
-            observed = at_instant(observed, t_mid_ns, config.exposure)
+            observed = with_mid_exposure(observed, t_mid_ns, config.exposure)
         if self.following.state not in FOLDED or t_mid_ns is None:
             self.stars = star_history_without_fold(self.stars, observed)
             self.hand.add(observed, config)
             yield ReducedFrame(observations=observed, config=config)
             return
-        folded = fold(self.following, self.stars, observed, config)
+        folded = fold_frame(self.following, self.stars, observed, config)
         self.folds.add(folded)
         self.following, self.stars = folded.following, folded.stars
         if self.following.state in FOLLOWING:
@@ -400,7 +396,7 @@ class ReplayState:
             self.orbits = {}
             self.following = replace(self.following, dropped=())
         before, kept = self.following, self.kept
-        self.kept = kept_after(change, before, kept)
+        self.kept = resumable_state_after(change, before, kept)
         if change.after != "COAST":
             self.following = before.without_track(change.after)
         elif kept is not None:

@@ -1,7 +1,7 @@
-"""New detection in a kept frame, with another tau or map, compared with the recorded result.
+"""New reduction of a recorded frame with another tau or map, beside the recorded result.
 
-It works for frames whose pixels the session has kept; for other frames a replay applies another tau
-to the recorded candidates. Nothing is written.
+It needs the frame's pixels in the session; without them a replay can still apply another tau to the
+recorded candidates. Nothing is written.
 """
 
 import logging
@@ -18,9 +18,9 @@ from rsoconsole.night import NightFrame, NightFrames
 from rsoconsole.pipeline.comparison.fixed_light import RecordedComparison
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
-from rsoconsole.pipeline.frame.plate import GivenPlate, PlateFinder
+from rsoconsole.pipeline.frame.plate import FixedPlateSource, PlateFinder
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Reduction
-from rsoconsole.pipeline.replays.what_if_log import as_recorded
+from rsoconsole.pipeline.replays.what_if_log import with_recorded_time_and_pointing
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -50,8 +50,7 @@ ROUNDED_NS = 100_000_000
 """Largest difference between the start in a file's header and the recorded start, ns."""
 UNWRITTEN = "its pixels are not in the session: not written yet, or removed since"
 SAME_PX, SAME_CONFIDENCE = 0.05, 0.01
-"""Differences within which a candidate is as recorded: another processor rounds differently, and a
-confidence curve fitted again may give 0.995 where 0.9999 was on record."""
+"""Differences, in px and confidence, within which a candidate is as recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +60,6 @@ class RecordedFrame:
     taken: FrameTaken
     seen: NightFrame
     config: Config
-    """Configuration in force for the frame."""
     path: Path | None
     """File with the frame's pixels; None where they were not kept."""
     not_kept_because: str
@@ -88,7 +86,7 @@ class ComparedCandidate:
     now: JudgedCandidate | None
 
     @property
-    def shown(self) -> Detection:
+    def latest_detection(self) -> Detection:
         """The detection as found now, else as recorded."""
         judged = self.now or self.was
         assert judged is not None
@@ -105,7 +103,7 @@ class ComparedCandidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reprocessed:
+class ReprocessedFrame:
     """Result of reducing a frame with other settings, beside the recorded one."""
 
     tau: float
@@ -117,12 +115,11 @@ class Reprocessed:
     was: NightFrame
     now: Reduction
     candidates: tuple[ComparedCandidate, ...]
-    """Candidates of both results, the most confident first."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     """Times of the detector's stages, of ``solve``, and of all as ``total``, ms."""
 
 
-def recorded_frame(
+def read_frame_records(
     reader: SessionReader, frame_id: int, config: Config | None = None
 ) -> RecordedFrame:
     """Read the records of a frame.
@@ -133,18 +130,18 @@ def recorded_frame(
     """
     kinds = (FrameTaken, Detections, Solution, NotSolved, Measurement)
     log = list(reader.records(kinds=kinds, frame_id=frame_id))
-    frame = NightFrames().take_all(record for _, _, record in log).of(frame_id)
+    frame = NightFrames().fold_all(record for _, _, record in log).frame_by_id(frame_id)
     if frame.taken is None:
         raise SessionError(f"{reader.folder} holds no frame {frame_id}")
     seq_of_frame = max(seq for seq, _, record in log if isinstance(record, FrameTaken | Detections))
     path = reader.frame_path(frame_id)
-    sha256 = reader.about().get("model_sha256")
+    sha256 = reader.read_meta().get("model_sha256")
     return RecordedFrame(
         taken=frame.taken,
         seen=frame,
         config=_in_force(reader, config or reader.config(), seq_of_frame),
         path=path,
-        not_kept_because="" if path else reader.not_kept_because(frame_id) or UNWRITTEN,
+        not_kept_because="" if path else reader.missing_pixels_reason(frame_id) or UNWRITTEN,
         model_sha256=sha256 if isinstance(sha256, str) else None,
     )
 
@@ -181,7 +178,7 @@ def read_recorded_frame(recorded: RecordedFrame) -> Frame:
             f"{recorded.path.name} began at another instant than frame {taken.frame_id}:"
             " it is another's file"
         )
-    return replace(as_recorded(frame, taken), camera=taken.camera)
+    return replace(with_recorded_time_and_pointing(frame, taken), camera=taken.camera)
 
 
 class Reprocessor:
@@ -213,11 +210,11 @@ class Reprocessor:
         map_mode: MapMode | None = None,
         *,
         solves_again: bool = False,
-    ) -> Reprocessed:
-        """Reduce the frame with these settings; None: the setting in force for it.
+    ) -> ReprocessedFrame:
+        """Reduce the frame with other settings; for None the recorded setting stays.
 
-        ``solves_again``: solve the plate from this frame's stars, in place of the recorded
-        solution. Raises ConfigError for a value that is not allowed, ModelError without a network.
+        ``solves_again``: solve the plate from the frame's stars; False: use the recorded solution.
+        Raises ConfigError for a value that is not allowed, ModelError without a network.
         """
         config, recorded = self._recorded.config, self._recorded
         changes = {TAU: tau, MAP_MODE: map_mode}
@@ -240,18 +237,18 @@ class Reprocessor:
             stage_ms["solve"] = reduction.stage_ms.get("solve", 0.0)
         stage_ms["total"] = (time.perf_counter() - began_s) * 1e3
         sha256 = recorded.model_sha256
-        return Reprocessed(
+        return ReprocessedFrame(
             tau=config.detector.tau,
             map_mode=config.detector.map_mode,
             is_solved_again=solves_again,
             is_same_network=None if sha256 is None else sha256 == network.card["sha256"],
             was=recorded.seen,
             now=reduction,
-            candidates=compare(recorded.seen.detections, reduction.detections),
+            candidates=pair_candidates(recorded.seen.detections, reduction.detections),
             stage_ms=stage_ms,
         )
 
-    def maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
+    def network_maps(self, map_mode: MapMode) -> tuple[FrameMap, ...]:
         """Return the maps of the frame for the network: several where its scale is unknown."""
         frame, _ = self._calibration.prepare(self._frame)
         blocks = choose_blocks(
@@ -259,7 +256,7 @@ class Reprocessor:
         )
         return tuple(make_map(frame.pixels, map_mode, block) for block in blocks)
 
-    def _plate(self, config: Config) -> GivenPlate:
+    def _plate(self, config: Config) -> FixedPlateSource:
         try:
             if self._solver is None:
                 self._solver = PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s)
@@ -269,13 +266,15 @@ class Reprocessor:
         return PlateFinder(self._solver, config)
 
 
-def _given(solution: Solution | NotSolved | None) -> GivenPlate:
-    plate = GivenPlate()
+def _given(solution: Solution | NotSolved | None) -> FixedPlateSource:
+    plate = FixedPlateSource()
     plate.solution = solution
     return plate
 
 
-def compare(was: Detections | None, now: Detections | None) -> tuple[ComparedCandidate, ...]:
+def pair_candidates(
+    was: Detections | None, now: Detections | None
+) -> tuple[ComparedCandidate, ...]:
     """Pair the recorded and the new candidates that are one streak; the most confident first."""
     left = list(judged_candidates(was))
     pairs: list[ComparedCandidate] = []

@@ -11,11 +11,11 @@ from typing import Any
 from rsoconsole.base import ConfigError, FrameError, SessionError
 from rsoconsole.config import Config, with_changes, with_setting
 from rsoconsole.instruments import read_frame
-from rsoconsole.night import FigureSum, TrackFigures
+from rsoconsole.night import FigureAccumulator, TrackFigures
 from rsoconsole.pipeline.cycle.frame_fold import FrameObservations, ReducedFrame
 from rsoconsole.pipeline.frame.frame_cautions import calibration_warnings
-from rsoconsole.pipeline.frame.measurement import measured, with_recorded_ids
-from rsoconsole.pipeline.frame.plate import GivenPlate
+from rsoconsole.pipeline.frame.measurement import measure_detections, with_recorded_ids
+from rsoconsole.pipeline.frame.plate import FixedPlateSource
 from rsoconsole.pipeline.frame.reduce import FrameReducer, open_reducer
 from rsoconsole.pipeline.replays._rewrite_log import LogRewriter
 from rsoconsole.pipeline.replays.refold import ReduceAgain, ReplayedFrame, ReplayState, replay
@@ -25,24 +25,24 @@ from rsoconsole.vision import ConfidenceCurve, Network
 
 
 def last_version_of_each(frames: Iterable[ReplayedFrame]) -> list[ReplayedFrame]:
-    """Return the frames in order of their numbers; of a frame folded again the last version."""
+    """Return the frames by number; of a frame replayed several times only the last version."""
     by_number = {each.taken.frame_id: each for each in frames}
     return [by_number[number] for number in sorted(by_number)]
 
 
-def add_replayed(found: FigureSum, frame: ReplayedFrame) -> None:
+def add_replayed(found: FigureAccumulator, frame: ReplayedFrame) -> None:
     """Add a replayed frame to the sum of the figures."""
     found.add(frame.taken, frame.records, frame.after.state, frame.observations.solution)
 
 
-def figures_of(
+def track_figures(
     frames: Iterable[ReplayedFrame], last: int | None = None, *, of_lead: bool = False
 ) -> TrackFigures:
-    """Return the figures of a replayed night.
+    """Return the track figures of a replayed night.
 
-    ``last``: number of last frames that count; None: all. ``of_lead``: figures of the lead alone.
+    ``last``: number of latest frames to include; None: all. ``of_lead``: include the lead alone.
     """
-    found = FigureSum(of_lead=of_lead)
+    found = FigureAccumulator(of_lead=of_lead)
     for each in frames:
         add_replayed(found, each)
     return found.figures(last)
@@ -58,10 +58,10 @@ def what_if(
 ) -> TrackFigures:
     """Return the figures of a night replayed with changed settings.
 
-    ``last``, ``of_lead``: as in ``figures_of``. Raises ConfigError for a setting that does not
+    ``last``, ``of_lead``: as in ``track_figures``. Raises ConfigError for a setting that does not
     exist, or a value that it cannot have.
     """
-    return figures_of(replay(records, config, changes=changes), last, of_lead=of_lead)
+    return track_figures(replay(records, config, changes=changes), last, of_lead=of_lead)
 
 
 log = logging.getLogger(__name__)
@@ -69,21 +69,21 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True, kw_only=True)
 class RerunCounts:
-    """Numbers of frames: reduced again, and taken from the record as not kept or unreadable."""
+    """Numbers of frames: reduced again, or left as recorded (not kept, or unreadable)."""
 
     rerun: int = 0
     not_kept: int = 0
     unreadable: int = 0
 
 
-class Rerun:
+class RecordedFrameReducer:
     """Reduces recorded frames again; called for each frame by ``ReplayState.reduce_again``."""
 
     def __init__(
         self,
         reader: SessionReader,
         reducer: FrameReducer,
-        recorded_plate: GivenPlate | None,
+        recorded_plate: FixedPlateSource | None,
         *,
         with_detector: bool,
         on_frame: Callable[[], None],
@@ -138,11 +138,11 @@ class Rerun:
         except FrameError:
             self.counts.unreadable += 1
             return None
-        return replace(as_recorded(frame, taken), name=taken.name)
+        return replace(with_recorded_time_and_pointing(frame, taken), name=taken.name)
 
 
-def as_recorded(frame: Frame, taken: FrameTaken) -> Frame:
-    """Return the frame with its recorded time and pointing, which its file may have rounded."""
+def with_recorded_time_and_pointing(frame: Frame, taken: FrameTaken) -> Frame:
+    """Return the frame with the recorded time and pointing, which its file may hold rounded."""
     return replace(
         frame,
         t_start_utc_ns=taken.t_start_utc_ns,
@@ -160,19 +160,19 @@ def open_rerun(
     with_detector: bool,
     with_solver: bool,
     on_frame: Callable[[], None] = lambda: None,
-) -> Iterator[tuple[Rerun, str]]:
-    """Open the reduction of a session's frames; yield it with the network's SHA-256.
+) -> Iterator[tuple[RecordedFrameReducer, str]]:
+    """Open a reducer of recorded frames, as a context; yield it with the network's SHA-256.
 
     ``with_detector``, ``with_solver``: which of them run again. Raises ModelError when the network
     cannot be loaded, SolverError without index files.
     """
-    rerun = partial(Rerun, reader, on_frame=on_frame)
+    rerun = partial(RecordedFrameReducer, reader, on_frame=on_frame)
     if with_solver:
         with open_reducer(config) as (reducer, sha256):
             yield rerun(reducer, None, with_detector=with_detector), sha256
         return
     network = Network.load(config.detector.model, config.detector.threads)
-    plate = GivenPlate()
+    plate = FixedPlateSource()
     reducer = FrameReducer(network, ConfidenceCurve.from_card(network.card), plate, config)
     yield rerun(reducer, plate, with_detector=True), str(network.card["sha256"])
 
@@ -183,7 +183,9 @@ def _with_plate(
     """Recorded detections, measured with another plate; marks by hand stay as they are."""
     measurements = [m for m in observed.measurements if m.source == "operator"]
     if isinstance(solution, Solution):
-        measurements += measured(observed.detections, solution, observed.taken, config.exposure)
+        measurements += measure_detections(
+            observed.detections, solution, observed.taken, config.exposure
+        )
     return replace(observed, solution=solution, measurements=tuple(measurements))
 
 
@@ -210,13 +212,11 @@ class WhatIf:
     session: Path
     changes: Mapping[str, float | str]
     before: Mapping[str, Any]
-    """Values of the changed settings in the session's first configuration."""
     recorded: TrackFigures
     what_if: TrackFigures
     is_reproduced: bool
     """True where a replay with the recorded settings gives the recorded track, but for rounding."""
     config: Config
-    """Configuration of the session with the changes."""
     frames: tuple[ReplayedFrame, ...]
     """Frames replayed with the changes; empty where they were not kept."""
     log: tuple[tuple[int, Any], ...]
@@ -289,7 +289,7 @@ class _Both:
         self._config, self._is_kept = config, is_kept
         self.frames: list[ReplayedFrame] = []
         self.log: list[tuple[int, Record]] = []
-        self.recorded, self.changed = FigureSum(), FigureSum()
+        self.recorded, self.changed = FigureAccumulator(), FigureAccumulator()
         self.is_reproduced = True
 
     def go_through(
@@ -329,9 +329,9 @@ class _Both:
 
 
 def rewritten_log(what_if: WhatIf) -> Iterator[tuple[int, Record]]:
-    """Yield (t_utc_ns, record) of the log of a what-if, from memory or by a new replay.
+    """Yield (t_utc_ns, record) of the log of a what-if, as kept in it or replayed again.
 
-    Raises ValueError where all frames would have to be reduced once more.
+    Raises ValueError where the log was not kept and frames would have to be reduced again.
     """
     if what_if.is_kept:
         yield from what_if.log

@@ -1,9 +1,8 @@
-"""What-if of a night in a process of its own: the console stays small and quick.
+"""What-if computed in a separate process, so that the console stays small and responsive.
 
-Filter and orbits load libraries of tens of megabytes, and would hold up a screen while they
-compute. The process is started before the first question or by it, and keeps the records that it
-has read. It ends when no question has come for a while, or with its parent, whose end closes the
-socket.
+Filter and orbits load libraries of tens of megabytes. The process starts with the first question or
+before, and keeps the records that it has read. It ends after some time without a question, and when
+its parent ends, which closes the socket.
 """
 
 import contextlib
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 IDLE_S = 60.0
-"""Time without a question after which the process ends, s."""
 MAX_KEPT = 60_000
 """Largest number of records kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
@@ -44,29 +42,27 @@ class WhatIfQuestion:
 
     folder: Path
     config: Config
-    """Configuration at the session's beginning."""
     changes: Mapping[str, float | str]
     until_seq: int | None = None
     """Last sequence number of the log that is included; None: the whole log."""
     last: int | None = None
     """Number of last frames that count in the figures; None: all."""
     of_lead: bool = False
-    """True for the figures of the lead alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unexpected:
+class UnexpectedFailure:
     """Unexpected error in the what-if process, for the parent's log."""
 
     words: str
     traceback: str
 
 
-class LogOfOneSession:
-    """Keeps the records of the session last asked for, so that only new ones are read.
+class SessionLogCache:
+    """Cache of the last requested session's records, so that only new ones are read.
 
-    Of a long session it keeps the first ``most_kept`` records, and reads the others for each
-    question: they would fill the memory of a small computer.
+    Of a long session only the first ``most_kept`` records are kept, to save memory; the others are
+    read again for each question.
     """
 
     def __init__(self, most_kept: int = MAX_KEPT) -> None:
@@ -75,7 +71,7 @@ class LogOfOneSession:
         self._records: list[Record] = []
         self._seqs: list[int] = []
 
-    def until(self, folder: Path, seq: int | None) -> Iterator[Record]:
+    def records_until(self, folder: Path, seq: int | None) -> Iterator[Record]:
         """Yield the records up to a sequence number, or all with None. Raises SessionError."""
         if folder != self._folder:
             self._folder, self._records, self._seqs = folder, [], []
@@ -115,7 +111,7 @@ class WhatIfProcess:
             self._end_when_idle()
 
     def ask(self, question: WhatIfQuestion) -> "TrackFigures":
-        """Return the figures of the what-if; raises RsoconsoleError with the reason for none."""
+        """Return the track figures of the what-if. Raises RsoconsoleError where there are none."""
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
@@ -133,7 +129,7 @@ class WhatIfProcess:
             self._end_when_idle()
         if isinstance(answer, RsoconsoleError):
             raise answer
-        if isinstance(answer, Unexpected):
+        if isinstance(answer, UnexpectedFailure):
             log.error("%s:\n%s", NO_EFFECT, answer.traceback)
             raise SessionError(f"{NO_EFFECT} ({answer.words}): see the log")
         figures: TrackFigures = answer
@@ -175,23 +171,23 @@ def main(socket_fd: int) -> None:
     from rsoconsole.tracking.filters import estimator
 
     os.nice(STEP_BACK)
-    estimator.make_ready(FilterConfig())
-    connection, session = Connection(socket_fd), LogOfOneSession()
+    estimator.preload_modules(FilterConfig())
+    connection, session = Connection(socket_fd), SessionLogCache()
     while True:
         try:
             asked: WhatIfQuestion = connection.recv()
         except (EOFError, OSError):
             return
-        answer: TrackFigures | RsoconsoleError | Unexpected
+        answer: TrackFigures | RsoconsoleError | UnexpectedFailure
         try:
-            records = session.until(asked.folder, asked.until_seq)
+            records = session.records_until(asked.folder, asked.until_seq)
             answer = what_if(
                 records, asked.config, asked.changes, asked.last, of_lead=asked.of_lead
             )
         except RsoconsoleError as error:
             answer = error
         except Exception as error:  # the seat must hear of it, whatever it is
-            answer = Unexpected(words=repr(error), traceback=traceback.format_exc())
+            answer = UnexpectedFailure(words=repr(error), traceback=traceback.format_exc())
         try:
             connection.send(answer)
         except OSError:

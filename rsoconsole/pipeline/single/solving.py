@@ -8,7 +8,7 @@ from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver, series_name
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import cautions
-from rsoconsole.pipeline.frame.hints import WrongHint, hint_of, hint_with_overrides, wrong_hints
+from rsoconsole.pipeline.frame.hints import WrongHint, header_hint, hint_with_overrides, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
 from rsoconsole.records import Detections, Frame, NotSolved, Solution
 from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_stars
@@ -18,16 +18,13 @@ MAX_MASKED = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Solved:
+class SolveResult:
     """Plate solution of a frame, or the reason why it has none."""
 
     solution: Solution | NotSolved
     wrong: tuple[WrongHint, ...]
-    """Hints that the stars contradict."""
     index_missing: tuple[str, ...]
-    """Index files needed for a field of the hinted scale that are missing."""
     notes: tuple[str, ...]
-    """Cautions about the frame, a sentence each."""
 
 
 class FrameSolver:
@@ -54,7 +51,7 @@ class FrameSolver:
         dec_icrs_deg: float | None = None,
         radius_deg: float | None = None,
         scale_arcsec_px: tuple[float, float] | None = None,
-    ) -> Solved:
+    ) -> SolveResult:
         """Solve a frame with its header's hints, or the values given here in place of them.
 
         A frame that is not solved with the hints is solved without them, within the same deadline.
@@ -62,7 +59,7 @@ class FrameSolver:
         prepared, calibrated = self._calibration.prepare(frame)
         stars = find_stars(prepared.pixels, saturation_adu=prepared.saturation_adu)
         hint = hint_with_overrides(
-            hint_of(frame, self._config), ra_icrs_deg, dec_icrs_deg, radius_deg, scale_arcsec_px
+            header_hint(frame, self._config), ra_icrs_deg, dec_icrs_deg, radius_deg, scale_arcsec_px
         )
         solution = self._finder.solve_in_full(frame, stars, hint)
         wrong: tuple[WrongHint, ...] = ()
@@ -70,9 +67,9 @@ class FrameSolver:
         if isinstance(solution, Solution):
             wrong = wrong_hints(hint, solution, frame, self._config)
         else:
-            missing = self._solver.missing_index(hint, frame.width_px, frame.height_px)
+            missing = self._solver.missing_numbers_for_field(hint, frame.width_px, frame.height_px)
         warnings = (*calibrated, *cautions(frame, solution, self._config))
-        return Solved(
+        return SolveResult(
             solution=solution,
             wrong=wrong,
             index_missing=tuple(series_name(number) for number in missing),

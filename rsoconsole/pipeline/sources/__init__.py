@@ -1,5 +1,4 @@
-"""Elements from their publishers, fetched on request, with their age, in order of precedence.
+"""Orbital elements fetched from their publishers on request, in order of precedence.
 
-Module ``update`` is imported separately: it loads the client for web servers, which readers do not
-need.
+Import the module ``update`` directly: it loads the web client, which readers do not need.
 """

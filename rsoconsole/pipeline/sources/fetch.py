@@ -1,7 +1,7 @@
-"""One answer of a web server, within limits of size and time; no request is repeated by itself.
+"""Client that fetches one answer of a web server, within limits of size and time.
 
 A server may be slow, end in the middle, send a web page or a decompression bomb, or redirect in
-circles: each fault is one sentence, which never holds a secret of the address.
+circles. Each fault is one sentence, without any secret of the address. No request is repeated.
 """
 
 import base64
@@ -26,7 +26,7 @@ from urllib.parse import parse_qsl, quote_plus, unquote, urlencode, urlsplit, ur
 
 from rsoconsole import __version__
 from rsoconsole.base import OrbitError
-from rsoconsole.config import shown
+from rsoconsole.config import without_secrets
 
 MAX_BYTES = 64 << 20
 """Largest size of one unpacked answer; the whole catalogue has a third of it."""
@@ -82,7 +82,7 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         else:
             return super().redirect_request(req, fp, code, msg, headers, newurl)
         fp.close()
-        raise FetchError(f"it sends on to {shown(newurl)}: {words}", "failed")
+        raise FetchError(f"it sends on to {without_secrets(newurl)}: {words}", "failed")
 
 
 class Fetcher:
@@ -112,7 +112,7 @@ class Fetcher:
         worker = threading.Thread(target=work, daemon=True, name="fetch")
         worker.start()
         worker.join(self._deadline_s + 1.0)
-        where = shown(url)
+        where = without_secrets(url)
         if not done:
             raise FetchError(f"{where} took longer than {self._deadline_s:.0f} s", "failed")
         if isinstance(done[0], BaseException):
@@ -178,9 +178,9 @@ def _body(answer: Any, deadline: float) -> bytes:
 
 
 def gunzipped(content: bytes) -> bytes:
-    """Unpack all members of a gzip file, up to one byte more than ``MAX_BYTES``.
+    """Return the unpacked content of a gzip file, cut off after ``MAX_BYTES`` + 1 bytes.
 
-    Raises EOFError where it ends too early, OSError or zlib.error where it is not a gzip file.
+    Raises EOFError where the file ends too early, OSError or zlib.error where it is not gzip.
     """
     with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
         return stream.read(MAX_BYTES + 1)
@@ -252,8 +252,8 @@ def _secrets(url: str, form: Mapping[str, str] | None) -> frozenset[str]:
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 
 
-def text_of(content: bytes) -> str:
-    """Decode an answer. Raises OrbitError where it is not text, or larger than ``MAX_BYTES``."""
+def decode_answer(content: bytes) -> str:
+    """Return an answer as text, unpacked. Raises OrbitError for other content, or too much."""
     if content.startswith(_GZIP):
         content = _gunzipped(content)
     elif content.startswith(_ZIP):
@@ -270,7 +270,7 @@ def text_of(content: bytes) -> str:
 
 
 def reject_web_page(text: str) -> None:
-    """Raise OrbitError, with the text's first words, where it is a web page or a remark."""
+    """Raise OrbitError for an empty text, a web page, or a short message without elements."""
     start = text.lstrip()[:400]
     lower = start.lower()
     if lower.startswith(("<!doctype html", "<html")) or ("<html" in lower and "<ndm" not in lower):

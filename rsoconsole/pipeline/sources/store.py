@@ -21,13 +21,13 @@ from pydantic import TypeAdapter
 from rsoconsole.base import (
     PART,
     OrbitError,
-    json_of,
     lock_file,
-    read_foreign,
+    parse_json,
+    read_foreign_text,
     system_errors_as,
     write_durably,
 )
-from rsoconsole.config import SourceKind, data_dir, home_path, shown, split_source
+from rsoconsole.config import SourceKind, data_dir, expand_home, split_source, without_secrets
 from rsoconsole.orbits import CatalogueEntry, parse_catalogue
 from rsoconsole.words import NS_PER_S
 
@@ -40,7 +40,7 @@ _SPACE_TRACK = {
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ElementSource:
     """Source of elements, as the configuration names it."""
 
     text: str
@@ -50,18 +50,18 @@ class Source:
     @property
     def slug(self) -> str:
         """Name of the source's file in the cache; different sources have different names."""
-        plain = re.sub(r"[^a-z0-9]+", "-", shown(self.text).lower()).strip("-")[:60]
+        plain = re.sub(r"[^a-z0-9]+", "-", without_secrets(self.text).lower()).strip("-")[:60]
         return f"{plain}-{hashlib.sha256(self.text.encode()).hexdigest()[:8]}"
 
     @property
     def words(self) -> str:
         """Name of the source for messages, without any secret."""
-        return shown(self.text)
+        return without_secrets(self.text)
 
     @property
     def file(self) -> Path | None:
         """Path of a local source; None for a source on the web."""
-        return home_path(self.what) if self.kind == "file" else None
+        return expand_home(self.what) if self.kind == "file" else None
 
     def url(self, *, celestrak_url: str, space_track_url: str) -> str:
         """Return the address of the source; empty for a local one."""
@@ -86,10 +86,10 @@ class Source:
         return urlencode({**pair, "FORMAT": "json"})
 
 
-def parse_source(text: str) -> Source:
+def parse_source(text: str) -> ElementSource:
     """Parse a source's name. Raises ValueError with what to write instead."""
     kind, what = split_source(text)
-    return Source(f"{kind}:{what}", kind, what)
+    return ElementSource(f"{kind}:{what}", kind, what)
 
 
 MIN_NS = 2 * 3600 * NS_PER_S
@@ -106,11 +106,9 @@ class SourceStatus:
 
     source: str
     file: str | None = None
-    """Name of its file in the cache."""
     asked_utc_ns: int | None = None
     """Time of the last request, successful or not."""
     fetched_utc_ns: int | None = None
-    """Time at which the elements in the cache were fetched."""
     refused_utc_ns: int | None = None
     """Time at which the source refused a request: it is not asked until it is added again."""
     fault: str | None = None
@@ -122,10 +120,9 @@ class SourceStatus:
     """Median epoch: half of the objects have newer elements."""
 
     def due_utc_ns(self, now_utc_ns: int) -> int:
-        """Return the time from which the source may be asked again.
+        """Return the time, UTC ns, from which the source may be asked again.
 
-        A last request in the future, stamped by a clock that has since been set right, counts as
-        now.
+        A last request in the future, from a clock that was wrong, counts as made now.
         """
         if self.asked_utc_ns is None:
             return now_utc_ns
@@ -133,7 +130,7 @@ class SourceStatus:
 
 
 def default_folder() -> Path:
-    """Return the folder of the cache in the user's data folder."""
+    """Return the default folder of the cache, in the user's data folder."""
     return data_dir() / "catalogue"
 
 
@@ -148,18 +145,18 @@ class ElementStore:
     def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder or default_folder()
 
-    def kept(self) -> dict[str, SourceStatus]:
+    def statuses(self) -> dict[str, SourceStatus]:
         """Return the status of each source, in order of precedence; empty without a cache."""
         indexed = self._indexed()
         return self._of_files() if indexed is None else indexed
 
     def files(self) -> tuple[Path, ...]:
         """Return the files of elements in order of their sources' precedence."""
-        named = [self.folder / each.file for each in self.kept().values() if each.file]
+        named = [self.folder / each.file for each in self.statuses().values() if each.file]
         return tuple(path for path in named if path.is_file())
 
-    def keep(
-        self, source: Source, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
+    def replace_elements(
+        self, source: ElementSource, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
     ) -> SourceStatus:
         """Replace a source's elements by new ones; the time of the last request stays."""
         name = f"{source.slug}.txt"
@@ -174,38 +171,37 @@ class ElementStore:
                 **element_figures(entries),
             )
 
-    def note(self, source: Source, **values: Any) -> SourceStatus:
+    def update_status(self, source: ElementSource, **values: Any) -> SourceStatus:
         """Change fields of a source's status, named as in ``SourceStatus``; return the status."""
         with self._writing():
             return self._changed(source, **values)
 
-    def current(self, source: Source, now_utc_ns: int) -> SourceStatus:
-        """Return the status of a source, with its last request set to now if it is in the future.
+    def current_status(self, source: ElementSource, now_utc_ns: int) -> SourceStatus:
+        """Return the status of a source, after correcting a last request in the future to now.
 
-        A clock that has since been set right stamps such a time; the change is written to the
-        index.
+        A clock that was wrong leaves such a time. The correction is written to the index.
         """
-        kept = self.kept().get(source.text, SourceStatus(source=source.text))
+        kept = self.statuses().get(source.text, SourceStatus(source=source.text))
         if kept.asked_utc_ns is not None and kept.asked_utc_ns > now_utc_ns:
-            return self.note(source, asked_utc_ns=now_utc_ns)
+            return self.update_status(source, asked_utc_ns=now_utc_ns)
         return kept
 
-    def claim(self, source: Source, now_utc_ns: int) -> tuple[SourceStatus, bool]:
-        """Return the status of a source and whether it may be asked; it then counts as asked now.
+    def claim_request(self, source: ElementSource, now_utc_ns: int) -> tuple[SourceStatus, bool]:
+        """Return (status of a source, True where it may be asked now), and record the request.
 
-        Both happen in one step: of two simultaneous updates only one asks.
+        Both are one step: of two simultaneous updates only one may ask.
         """
         with self._writing():
-            kept = self.kept().get(source.text, SourceStatus(source=source.text))
+            kept = self.statuses().get(source.text, SourceStatus(source=source.text))
             if kept.refused_utc_ns is not None or kept.due_utc_ns(now_utc_ns) > now_utc_ns:
                 return kept, False
             self._changed(source, asked_utc_ns=now_utc_ns)
             return kept, True
 
-    def arrange(self, order: Sequence[Source]) -> None:
-        """Keep these sources alone, in this order of precedence; other sources' files are removed.
+    def set_sources(self, order: Sequence[ElementSource]) -> None:
+        """Set the cache's sources, in order of precedence; remove the files of all others.
 
-        Where the index is damaged or lost, no file is removed.
+        No file is removed where the index is damaged or lost.
         """
         with self._writing():
             indexed = self._indexed()
@@ -223,15 +219,15 @@ class ElementStore:
                 if path.name not in named:
                     path.unlink(missing_ok=True)
 
-    def _changed(self, source: Source, **values: Any) -> SourceStatus:
-        kept = self.kept()
+    def _changed(self, source: ElementSource, **values: Any) -> SourceStatus:
+        kept = self.statuses()
         changed = replace(kept.get(source.text, SourceStatus(source=source.text)), **values)
         kept[source.text] = changed
         rows = [each for each in kept.values() if each is changed or each.file != changed.file]
         self._write_index(rows if changed.file else list(kept.values()))
         return changed
 
-    def _adopted(self, source: Source, kept: SourceStatus, is_damaged: bool) -> SourceStatus:
+    def _adopted(self, source: ElementSource, kept: SourceStatus, is_damaged: bool) -> SourceStatus:
         """Status with the file under the source's name; counted as asked now where unknown."""
         path = self.folder / f"{source.slug}.txt"
         if kept.file is None and path.is_file():
@@ -244,7 +240,7 @@ class ElementStore:
     def _indexed(self) -> dict[str, SourceStatus] | None:
         """Return the status by source from the index; None where it is damaged or lost."""
         try:
-            rows = json_of(read_foreign(self.folder / INDEX))["sources"]
+            rows = parse_json(read_foreign_text(self.folder / INDEX))["sources"]
             found = TypeAdapter(list[SourceStatus]).validate_python(rows)
         except (OSError, ValueError, KeyError, TypeError):
             return None

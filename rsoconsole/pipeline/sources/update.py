@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsoconsole.base import OrbitError, read_private, system_errors_as, value_errors_as
+from rsoconsole.base import OrbitError, read_private_lines, system_errors_as, value_errors_as
 from rsoconsole.orbits import CatalogueEntry, parse_catalogue
 from rsoconsole.pipeline.sources.fetch import (
     DEADLINE_S,
     MAX_BYTES,
     Fetcher,
     FetchError,
+    decode_answer,
     reject_web_page,
-    text_of,
 )
-from rsoconsole.pipeline.sources.store import ElementStore, Source, SourceStatus
+from rsoconsole.pipeline.sources.store import ElementSource, ElementStore, SourceStatus
 from rsoconsole.words import NAME_ELEMENTS, utc_ns_to_iso
 
 NEEDED = (
@@ -32,7 +32,7 @@ def read_login(path: Path | None) -> tuple[str, str]:
     """
     if path is None:
         raise OrbitError(f"Space-Track wants an account: {NEEDED}")
-    lines = read_private(path, OrbitError, NEEDED)
+    lines = read_private_lines(path, OrbitError, NEEDED)
     if len(lines) != 2:
         raise OrbitError(f"{path} has {len(lines)} lines: {NEEDED}")
     return lines[0], lines[1]
@@ -53,7 +53,7 @@ def fetch_with_login(url: str, base_url: str, login: tuple[str, str], deadline_s
 class SourceUpdate:
     """Outcome of the update of one source."""
 
-    source: Source
+    source: ElementSource
     is_fetched: bool
     is_fault: bool
     words: str
@@ -64,8 +64,8 @@ class SourceUpdate:
 class SourceUpdater:
     """Updates sources one after another.
 
-    ``wait`` is called before each source is asked and before its answer is read; it raises
-    OrbitError where that must not be.
+    ``wait`` is called before each request, and before its answer is parsed. It raises OrbitError
+    where the update must not go on.
     """
 
     store: ElementStore
@@ -76,7 +76,7 @@ class SourceUpdater:
     wait: Callable[[], None] = lambda: None
     now_utc_ns: Callable[[], int] = time.time_ns
 
-    def run(self, sources: Sequence[Source]) -> Iterator[SourceUpdate]:
+    def run(self, sources: Sequence[ElementSource]) -> Iterator[SourceUpdate]:
         """Update each source, in order. Raises OrbitError where the cache cannot be written."""
         refusing: dict[str, str] = {}
         for source in sources:
@@ -85,23 +85,23 @@ class SourceUpdater:
                 refusing.setdefault(self._host(source), source.words)
             yield updated
 
-    def import_file(self, source: Source) -> SourceStatus:
+    def import_file(self, source: ElementSource) -> SourceStatus:
         """Import a local file into the cache. Raises OrbitError where it cannot be read."""
         now_utc_ns = self.now_utc_ns()
         assert source.file is not None
         text, entries = _read(_file_content(source.file), source.words)
-        return self.store.keep(source, text, entries, now_utc_ns)
+        return self.store.replace_elements(source, text, entries, now_utc_ns)
 
-    def _one(self, source: Source, refusing: dict[str, str]) -> SourceUpdate:
+    def _one(self, source: ElementSource, refusing: dict[str, str]) -> SourceUpdate:
         now_utc_ns = self.now_utc_ns()
-        kept = self.store.current(source, now_utc_ns)
+        kept = self.store.current_status(source, now_utc_ns)
         reason = self._not_now(source, kept, refusing, now_utc_ns)
         if reason is None:
             self.wait()
             now_utc_ns = self.now_utc_ns()
             # Before it is asked: whatever ends this run, it is not asked again within two hours.
             if source.file is None:
-                kept, is_ours = self.store.claim(source, now_utc_ns)
+                kept, is_ours = self.store.claim_request(source, now_utc_ns)
                 if not is_ours:
                     reason = self._not_now(source, kept, refusing, now_utc_ns)
         if reason is not None:
@@ -115,13 +115,13 @@ class SourceUpdater:
             text, entries = _read(content, source.words)
         except OrbitError as error:
             return self._failed(source, kept, error, now_utc_ns)
-        now = self.store.keep(source, text, entries, now_utc_ns)
+        now = self.store.replace_elements(source, text, entries, now_utc_ns)
         return SourceUpdate(
             source=source, is_fetched=True, is_fault=False, words=_words(kept, now), kept=now
         )
 
     def _not_now(
-        self, source: Source, kept: SourceStatus, refusing: dict[str, str], now_utc_ns: int
+        self, source: ElementSource, kept: SourceStatus, refusing: dict[str, str], now_utc_ns: int
     ) -> str | None:
         """Return the reason why a source is not asked now; None where it is."""
         if source.file is not None:
@@ -138,21 +138,21 @@ class SourceUpdater:
         return None
 
     def _failed(
-        self, source: Source, before: SourceStatus, error: OrbitError, now_utc_ns: int
+        self, source: ElementSource, before: SourceStatus, error: OrbitError, now_utc_ns: int
     ) -> SourceUpdate:
         words, kind = str(error), error.kind if isinstance(error, FetchError) else "failed"
         if kind == "refused":
-            kept = self.store.note(source, fault=words, refused_utc_ns=now_utc_ns)
+            kept = self.store.update_status(source, fault=words, refused_utc_ns=now_utc_ns)
             words += "; it is not asked again until it is added again"
         elif kind == "unreachable":
-            kept = self.store.note(source, fault=words, asked_utc_ns=before.asked_utc_ns)
+            kept = self.store.update_status(source, fault=words, asked_utc_ns=before.asked_utc_ns)
         else:
-            kept = self.store.note(source, fault=words)
+            kept = self.store.update_status(source, fault=words)
         if kept.fetched_utc_ns is not None:
             words += f"; what came on {utc_ns_to_iso(kept.fetched_utc_ns, 0)} is kept"
         return SourceUpdate(source=source, is_fetched=False, is_fault=True, words=words, kept=kept)
 
-    def _content(self, source: Source) -> bytes:
+    def _content(self, source: ElementSource) -> bytes:
         if source.file is not None:
             return _file_content(source.file)
         url = source.url(celestrak_url=self.celestrak_url, space_track_url=self.space_track_url)
@@ -161,14 +161,14 @@ class SourceUpdater:
         login = read_login(self.space_track_login)
         return fetch_with_login(url, self.space_track_url, login, self.deadline_s)
 
-    def _host(self, source: Source) -> str:
+    def _host(self, source: ElementSource) -> str:
         return source.host(celestrak_url=self.celestrak_url, space_track_url=self.space_track_url)
 
 
 def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
     """Decode and parse elements. Raises OrbitError where the content is no catalogue."""
     with value_errors_as(OrbitError, f"{where}: ", OrbitError):
-        text = text_of(content)
+        text = decode_answer(content)
         reject_web_page(text)
     return text, parse_catalogue(text, where)
 

@@ -27,27 +27,26 @@ LOG_2PI = math.log(2.0 * math.pi)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """One frame of a track, as the filter went through it."""
+class FilterStep:
+    """One frame of a track: its measurement, if any, and the filter's settings."""
 
     frame_id: int
     t_utc_ns: int
     measurement: Measurement | None
     """Accepted measurement; None for a miss, in which the filter only predicts."""
     settings: FilterConfig
-    """Settings of the filter in force that night."""
     by_orbit: TrackState | None = None
     """Prediction by the orbit that restarted the filter; the filter's own is no evidence then."""
 
 
 @dataclass(slots=True, kw_only=True)
-class Arc:
+class ReplayedTrack:
     """One track: the two measurements that began it, and its later frames."""
 
     first: Measurement
     second: Measurement
     settings: FilterConfig
-    steps: list[Step] = field(default_factory=list)
+    steps: list[FilterStep] = field(default_factory=list)
 
     @property
     def measurements(self) -> tuple[Measurement, ...]:
@@ -76,7 +75,7 @@ class Innovations:
 
     @property
     def autocorrelation(self) -> tuple[float, float]:
-        """Lag-1 autocorrelation (east, north), with zero as the mean; 0 for a filter in tune."""
+        """Lag-1 autocorrelation (east, north), assuming zero mean; near 0 for a tuned filter."""
         return self._lag_1(self.east), self._lag_1(self.north)
 
     def _lag_1(self, values: FloatArray) -> float:
@@ -85,22 +84,24 @@ class Innovations:
         return float(np.sum(pairs)) / power if power > 0.0 else 0.0
 
 
-def arcs_of(frames: Iterable[ReplayedFrame]) -> list[Arc]:
+def replayed_tracks(frames: Iterable[ReplayedFrame]) -> list[ReplayedTrack]:
     """Return the tracks of a replayed session with their measurements."""
-    arcs: list[Arc] = []
+    arcs: list[ReplayedTrack] = []
     candidates: tuple[Measurement, ...] = ()
     for each in last_version_of_each(frames):
         states = [record for record in each.records if isinstance(record, TrackState)]
         settings = each.config.filter
         for state in states:
-            if state.kind == "initial" and each.after.taken is not None:
-                second = each.after.taken
+            if state.kind == "initial" and each.after.lead_measured is not None:
+                second = each.after.lead_measured
                 first = _first_of(state, candidates, second, settings)
                 if first is not None:
-                    arcs.append(Arc(first=first, second=second, settings=settings))
+                    arcs.append(ReplayedTrack(first=first, second=second, settings=settings))
             elif state.kind == "predicted" and arcs:
-                taken = each.after.taken if any(s.kind == "updated" for s in states) else None
-                step = Step(
+                taken = (
+                    each.after.lead_measured if any(s.kind == "updated" for s in states) else None
+                )
+                step = FilterStep(
                     frame_id=state.frame_id,
                     t_utc_ns=state.t_utc_ns,
                     measurement=taken,
@@ -123,7 +124,7 @@ def _first_of(
     return next((m for m in earlier if lqe.initialise(m, second, settings) == state), None)
 
 
-def innovations(arcs: Sequence[Arc], settings: Mapping[str, float]) -> Innovations | None:
+def innovations(arcs: Sequence[ReplayedTrack], settings: Mapping[str, float]) -> Innovations | None:
     """Run the filter over the arcs; None where its matrices become singular.
 
     ``settings``: fields of FilterConfig with values that replace the recorded ones throughout.
@@ -145,7 +146,7 @@ def innovations(arcs: Sequence[Arc], settings: Mapping[str, float]) -> Innovatio
     )
 
 
-def _of_arc(arc: Arc, settings: Mapping[str, float]) -> Iterator[tuple[float, ...]]:
+def _of_arc(arc: ReplayedTrack, settings: Mapping[str, float]) -> Iterator[tuple[float, ...]]:
     changed: dict[int, FilterConfig] = {}
 
     def in_place_of(config: FilterConfig) -> FilterConfig:

@@ -1,4 +1,4 @@
-"""Search for the likeliest settings, and for the width of the likelihood around them. Pure."""
+"""Search for the most likely settings and for the intervals of their values. Pure."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,14 +24,13 @@ class Parameter:
 
     label: str
     names: tuple[str, ...]
-    """Dotted names of the settings that have its value."""
     recorded: float
     low: float
     high: float
     scan: tuple[float, ...]
     """Factors on the recorded value with which the search begins."""
 
-    def held_at(self, value: float) -> "Parameter":
+    def fixed_at(self, value: float) -> "Parameter":
         """Return the parameter with its bounds narrowed to one value."""
         return replace(self, low=value, high=value, scan=())
 
@@ -70,7 +69,7 @@ class LikelihoodSearch:
     evaluations: int = 0
     _known: dict[tuple[tuple[str, float], ...], float] = field(default_factory=dict)
 
-    def at(self, parameters: Sequence[Parameter], logs: Iterable[float]) -> float:
+    def log_likelihood_at(self, parameters: Sequence[Parameter], logs: Iterable[float]) -> float:
         """Return the log-likelihood with parameters at values given by their natural logarithms."""
         pairs = zip(parameters, logs, strict=True)
         settings = {
@@ -101,7 +100,7 @@ class LikelihoodSearch:
         a lower accuracy.
         """
         if not parameters:
-            return Fit(parameters=(), values=(), log_likelihood=self.at((), ()))
+            return Fit(parameters=(), values=(), log_likelihood=self.log_likelihood_at((), ()))
         if start is None:
             logs = self._scanned(parameters)
         else:
@@ -111,16 +110,16 @@ class LikelihoodSearch:
     def interval(
         self, parameter: Parameter, best: Fit, fall: float = HALF_WIDTH
     ) -> tuple[float, float]:
-        """Profile interval (lower, upper) of a parameter of the fit ``best``.
+        """Return the profile interval (lower, upper) of a parameter of the fit ``best``.
 
-        ``fall``: fall of log L at its ends; the default gives a 68 % interval. An end at which log
-        L has not fallen by that much is the parameter's bound.
+        ``fall``: decrease of log L from its maximum to each end; the default gives a 68 % interval.
+        Where log L decreases less, the end is the parameter's bound.
         """
         place = best.parameters.index(parameter)
         ends = tuple(self._end(place, best, sense, fall) for sense in (-1.0, 1.0))
         return math.exp(ends[0]), math.exp(ends[1])
 
-    def gain_along(self, parameter: Parameter, best: Fit) -> float:
+    def gain_lower_bound(self, parameter: Parameter, best: Fit) -> float:
         """Return a lower bound of the gain in log L by one more parameter in the fit ``best``.
 
         The parameter alone is scanned, while the fitted values stay as they are.
@@ -129,13 +128,13 @@ class LikelihoodSearch:
         heights = [best.log_likelihood]
         for factor in parameter.scan:
             logs[0] = parameter.clipped(math.log(parameter.recorded * factor))
-            heights.append(self.at((parameter, *best.parameters), logs))
+            heights.append(self.log_likelihood_at((parameter, *best.parameters), logs))
         return max(heights) - best.log_likelihood
 
     def unbounded_sides(self, parameter: Parameter, best: Fit) -> tuple[bool, bool]:
-        """(lower, upper): True where log L at that bound of the parameter is nearly the best.
+        """Return (lower, upper): True where the data do not exclude that bound of the parameter.
 
-        It is where the profile has fallen by less than ``HALF_WIDTH`` at the bound.
+        There the profile of log L is less than ``HALF_WIDTH`` below its maximum.
         """
         place = next(n for n, p in enumerate(best.parameters) if p.names == parameter.names)
         others = [each for each in best.parameters if each.names != parameter.names]
@@ -155,7 +154,9 @@ class LikelihoodSearch:
                 trials = [logs.copy() for _ in parameter.scan]
                 for trial, factor in zip(trials, parameter.scan, strict=True):
                     trial[place] = parameter.clipped(math.log(parameter.recorded * factor))
-                logs = max([logs, *trials], key=lambda each: self.at(parameters, each))
+                logs = max(
+                    [logs, *trials], key=lambda each: self.log_likelihood_at(parameters, each)
+                )
         return np.asarray(logs)
 
     def _refined(
@@ -167,7 +168,7 @@ class LikelihoodSearch:
         sought = tuple(each for each in parameters if each.low < each.high)
         if not sought:
             values = tuple(each.low for each in held)
-            log_likelihood = self.at(held, np.log(values))
+            log_likelihood = self.log_likelihood_at(held, np.log(values))
             return Fit(parameters=held, values=values, log_likelihood=log_likelihood)
         at_held = [math.log(each.low) for each in held]
         logs = np.array(
@@ -176,7 +177,7 @@ class LikelihoodSearch:
         bounds = [(math.log(each.low), math.log(each.high)) for each in sought]
         start = np.array([each.clipped(log) for each, log in zip(sought, logs, strict=True)])
         found = minimize(
-            lambda x: -self.at((*sought, *held), (*x, *at_held)),
+            lambda x: -self.log_likelihood_at((*sought, *held), (*x, *at_held)),
             start,
             method="Nelder-Mead",
             bounds=bounds,
@@ -224,7 +225,7 @@ class LikelihoodSearch:
     ) -> tuple[float, FloatArray]:
         """Return (fall of the profile below the best, logarithms of the other parameters there)."""
         together = (parameter, *others)
-        logs, height = np.array(logs, float), self.at(together, (log_value, *logs))
+        logs, height = np.array(logs, float), self.log_likelihood_at(together, (log_value, *logs))
         for place in [*range(len(others))] * min(len(others), 2):
             logs, height = self._climbed(together, log_value, logs, height, place)
         return best.log_likelihood - height, logs
@@ -242,7 +243,7 @@ class LikelihoodSearch:
         for side in (-_STRIDE, _STRIDE):
             beside = logs.copy()
             beside[place] = together[place + 1].clipped(logs[place] + side)
-            heights.append(self.at(together, (log_value, *beside)))
+            heights.append(self.log_likelihood_at(together, (log_value, *beside)))
         bend = heights[0] - 2.0 * height + heights[1]
         step = math.copysign(3.0 * _STRIDE, heights[1] - heights[0])
         if bend < 0.0:
@@ -250,7 +251,7 @@ class LikelihoodSearch:
             step = min(max(step, -6.0 * _STRIDE), 6.0 * _STRIDE)
         there = logs.copy()
         there[place] = together[place + 1].clipped(logs[place] + step)
-        above = self.at(together, (log_value, *there))
+        above = self.log_likelihood_at(together, (log_value, *there))
         return (there, above) if above > height else (logs, height)
 
 

@@ -1,11 +1,10 @@
-"""Proposal of Q and R from the innovations of recorded sessions, with the evidence for it.
+"""Proposal of Q and R from the innovations of recorded sessions, with its evidence.
 
 The likelihood of the innovations (``_propose_likelihood``) is maximised over Q and R, then over
-those of their terms that the data determine. A change of Q and R is proposed only where chance
-alone would exceed its likelihood ratio in at most one night of twenty, a value of a term's own in
-one of a hundred. Which measurements a track accepts depends on Q and R too, through the gate. So
-the session is replayed with the result, and the search repeated with the measurements accepted
-then, until both agree.
+single terms of them. Q and R are changed only where chance alone would reach the gain in at most
+one night of 20, and a term has its own value only in at most one of 100. Through the gate, the
+accepted measurements depend on Q and R too. So the session is replayed with the result and the
+search repeated, until the accepted measurements stay the same.
 """
 
 from collections import deque
@@ -14,17 +13,16 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.base import ConfigError, SessionError
-from rsoconsole.pipeline.frame.measurement import usual_sigma_s
+from rsoconsole.pipeline.frame.measurement import usual_timing_sigma_s
 from rsoconsole.pipeline.replays.refold import replay
-from rsoconsole.pipeline.tuning._propose_likelihood import Arc, arcs_of
+from rsoconsole.pipeline.tuning._propose_likelihood import ReplayedTrack, replayed_tracks
 from rsoconsole.pipeline.tuning.propose_inquiry import LEAST, ModelComparison, Proposal
 from rsoconsole.records import TrackState
 from rsoconsole.session import SessionReader
 from rsoconsole.tracking import timing_scatter_words
 
 FIRST_GATE_NIS, GATE_NIS = 50.0, 25.0
-"""NIS gates of the first and later rounds: wide, so that an R too small excludes no measurement
-that shows it."""
+"""NIS gates of the first and later rounds: wide, so that an R too small shows."""
 MAX_ROUNDS = 3
 
 
@@ -76,7 +74,7 @@ def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
     for session in sessions:
         states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
         last = deque(states, maxlen=1)
-        known_s = usual_sigma_s(session.config.exposure)
+        known_s = usual_timing_sigma_s(session.config.exposure)
         words = timing_scatter_words(last[0], known_s) if last else None
         if words is not None:
             lines.append(f"{session.folder.name}: {words}")
@@ -88,18 +86,18 @@ def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
     )
 
 
-def _arcs(sessions: Sequence[_Session], changes: Mapping[str, float] | None) -> list[Arc]:
+def _arcs(sessions: Sequence[_Session], changes: Mapping[str, float] | None) -> list[ReplayedTrack]:
     """Return the tracks replayed with the changes; None: with the recorded settings."""
-    arcs: list[Arc] = []
+    arcs: list[ReplayedTrack] = []
     wide = FIRST_GATE_NIS if changes is None else GATE_NIS
     for session in sessions:
         gate = max(session.config.filter.gate_nis, wide)
         held = {**(changes or {}), "filter.gate_nis": gate}
-        arcs.extend(arcs_of(replay(session.records, session.config, changes=held)))
+        arcs.extend(replayed_tracks(replay(session.records, session.config, changes=held)))
     return arcs
 
 
-def _taken(arcs: Sequence[Arc]) -> list[tuple[Any, ...]]:
+def _taken(arcs: Sequence[ReplayedTrack]) -> list[tuple[Any, ...]]:
     return [(arc.first, arc.second, *arc.measurements) for arc in arcs]
 
 

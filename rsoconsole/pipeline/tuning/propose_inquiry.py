@@ -7,35 +7,32 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from rsoconsole.pipeline.tuning._propose_likelihood import Arc, Innovations, innovations
+from rsoconsole.pipeline.tuning._propose_likelihood import Innovations, ReplayedTrack, innovations
 from rsoconsole.pipeline.tuning._propose_search import HALF_WIDTH, Fit, LikelihoodSearch, Parameter
-from rsoconsole.tracking import mean_band
+from rsoconsole.tracking import mean_nis_band
 
 Verdict: TypeAlias = Literal["not enough to say", "no change is called for", "change"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proposed:
+class ProposedParameter:
     """Parameter of the filter with its proposed value and the evidence for it."""
 
     label: str
     names: tuple[str, ...]
-    """Dotted names of the settings that have its value."""
     recorded: float
     proposed: float
     """Value to set; the recorded one where no change of this parameter is called for."""
     likeliest: float
     interval_68: tuple[float, float]
-    """Interval within which the profile of log L falls by 0.5 at most; by 2 for preset tuned, whose
-    log L is too sharp (``propose_inquiry.WIDENED``)."""
+    """Interval in which log L falls by 0.5 at most; by 2 for preset tuned (see ``WIDENED``)."""
     is_on_bound: bool
-    """True where the likeliest value lies at an end of the searched range."""
     is_flat: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Term:
-    """Part of Q or R that was fitted with a value of its own, beside Q and R as wholes."""
+class FittedTerm:
+    """Term of Q or R, with the gain in log L by fitting it separately."""
 
     label: str
     gain: float
@@ -45,7 +42,7 @@ class Term:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Soundness:
+class FilterConsistency:
     """Consistency of a filter, judged by its innovations."""
 
     log_likelihood: float
@@ -57,10 +54,9 @@ class Soundness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOut:
-    """Cross-check: Q and R fitted to the first half of the innovations, tested on the second."""
+    """Test on the second half of the innovations of Q and R fitted to the first half."""
 
     innovations: int
-    """Number of innovations in the second half."""
     gain: float
     """Gain in log L of the second half over the recorded settings; below 0 the fit is worse."""
     nis_mean_before: float
@@ -76,7 +72,6 @@ class Proposal:
     preset: str
     verdict: Verdict
     words: str
-    """Result in one sentence."""
     changes: Mapping[str, float] = field(default_factory=dict)
     """Proposed settings, by dotted name; empty where none is proposed."""
     innovations: int
@@ -84,10 +79,10 @@ class Proposal:
     gain: float | None = None
     """Gain in log L of the likeliest Q and R over the recorded ones; None without a search."""
     needed: float | None = None
-    parameters: tuple[Proposed, ...] = ()
-    terms: tuple[Term, ...] = ()
-    before: Soundness | None = None
-    after: Soundness | None = None
+    parameters: tuple[ProposedParameter, ...] = ()
+    terms: tuple[FittedTerm, ...] = ()
+    before: FilterConsistency | None = None
+    after: FilterConsistency | None = None
     """Consistency with the proposed settings; equal to ``before`` where no change is called for."""
     autocorrelation_bound: float | None = None
     """Bound on the absolute autocorrelation of white innovations, exceeded 5 times in 100."""
@@ -119,7 +114,9 @@ FLAT_DECADES = 4.0
 class ModelComparison:
     """Compares models of Q and R on one set of tracks."""
 
-    def __init__(self, arcs: Sequence[Arc], preset: str, on_evaluation: Callable[[], None]) -> None:
+    def __init__(
+        self, arcs: Sequence[ReplayedTrack], preset: str, on_evaluation: Callable[[], None]
+    ) -> None:
         self._arcs = arcs
         self._preset = preset
         self.count = sum(len(arc.measurements) for arc in arcs)
@@ -133,13 +130,13 @@ class ModelComparison:
             self._q, self._r, self._others = self._parameters()
 
     def run(self) -> dict[str, float]:
-        """Search for the best model; return the proposed settings by dotted name, if any."""
+        """Search for the best model; return the settings to change, by dotted name; {} for none."""
         search = self.search
         self._recorded = search.fit(())
         both = search.fit((self._q, self._r))
         self._both = both
         self._needed = self._gain_needed(CHANCE, 2)
-        self._terms: list[Term] = []
+        self._terms: list[FittedTerm] = []
         self._chosen = self._likeliest = self._recorded
         if both.log_likelihood - self._recorded.log_likelihood >= self._needed:
             self._chosen = self._fewest(both)
@@ -182,7 +179,7 @@ class ModelComparison:
             limit, word = (interval[1], "at most") if is_open[0] else (interval[0], "at least")
             self._limited.add(parameter.label)
             others = (p for p in self._chosen.parameters if p.names != parameter.names)
-            held = (parameter.held_at(limit), *others)
+            held = (parameter.fixed_at(limit), *others)
             self._chosen = self.search.fit(held, start=self._chosen)
             self.warnings.append(
                 f"{parameter.label}: the data give a limit alone, {word} {limit:.2g}; it is what is"
@@ -196,12 +193,12 @@ class ModelComparison:
 
     def _try_term(self, other: Parameter) -> None:
         needed = self._gain_needed(CHANCE_OF_A_TERM, 1)
-        gain = self.search.gain_along(other, self._chosen)
+        gain = self.search.gain_lower_bound(other, self._chosen)
         fit = self._chosen
         if gain >= WORTH_A_FIT * needed:
             fit = self.search.fit((*self._chosen.parameters, other), start=self._chosen)
             gain = fit.log_likelihood - self._chosen.log_likelihood
-        term = Term(label=other.label, gain=gain, needed=needed, is_taken=gain >= needed)
+        term = FittedTerm(label=other.label, gain=gain, needed=needed, is_taken=gain >= needed)
         self._terms.append(term)
         if term.is_taken:
             self._chosen = fit
@@ -251,7 +248,7 @@ class ModelComparison:
     def _run(self, settings: Mapping[str, float]) -> Innovations | None:
         return innovations(self._arcs, {n.removeprefix("filter."): v for n, v in settings.items()})
 
-    def _evidence(self) -> tuple[Proposed, ...]:
+    def _evidence(self) -> tuple[ProposedParameter, ...]:
         """Return Q, R and the accepted terms, each with its profile about the likeliest values."""
         taken = [p for p in self._likeliest.parameters if p not in (self._q, self._r)]
         best = self._both
@@ -259,11 +256,11 @@ class ModelComparison:
             best = self.search.fit((self._q, self._r, *taken), start=self._likeliest)
         return tuple(self._proposed(parameter, best) for parameter in best.parameters)
 
-    def _proposed(self, parameter: Parameter, best: Fit) -> Proposed:
+    def _proposed(self, parameter: Parameter, best: Fit) -> ProposedParameter:
         fall = HALF_WIDTH * self._widened**2
         low, high = self.search.interval(parameter, best, fall)
         likeliest = best.value(parameter)
-        return Proposed(
+        return ProposedParameter(
             label=parameter.label,
             names=parameter.names,
             recorded=parameter.recorded,
@@ -274,7 +271,7 @@ class ModelComparison:
             is_flat=float(np.log10(high / low)) > FLAT_DECADES,
         )
 
-    def _warn(self, parameters: Sequence[Proposed]) -> None:
+    def _warn(self, parameters: Sequence[ProposedParameter]) -> None:
         for each in parameters:
             if each.label in self._limited:
                 continue
@@ -311,7 +308,7 @@ class ModelComparison:
             gain=gain,
             nis_mean_before=float(np.mean(before.nis[half:])),
             nis_mean_after=float(np.mean(after.nis[half:])),
-            nis_band=mean_band(self.count - half),
+            nis_band=mean_nis_band(self.count - half),
         )
 
     def _configs(self) -> list[Any]:
@@ -368,12 +365,12 @@ def _in_force(configs: Sequence[Any], name: str) -> float:
     return max(set(values), key=values.count)
 
 
-def _soundness(found: Innovations) -> Soundness:
+def _soundness(found: Innovations) -> FilterConsistency:
     east, north = found.autocorrelation
-    return Soundness(
+    return FilterConsistency(
         log_likelihood=found.total,
         nis_mean=float(np.mean(found.nis)),
-        nis_band=mean_band(len(found.nis)),
+        nis_band=mean_nis_band(len(found.nis)),
         autocorrelation_east=east,
         autocorrelation_north=north,
     )

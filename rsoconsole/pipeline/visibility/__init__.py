@@ -1,1 +1,1 @@
-"""Hours ahead over a site: limits, darkness, passes. Pure."""
+"""Outlook for a site over the next hours: limits, darkness, satellite passes. Pure."""

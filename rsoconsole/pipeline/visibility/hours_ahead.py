@@ -1,4 +1,4 @@
-"""Hours ahead over a site: limits, darkness, the Moon, the Earth's shadow. Pure."""
+"""Outlook for a site over the next hours: limits, darkness, the Moon, eclipses. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from rsoconsole.sky import (
     Pose,
     Refusal,
     altaz_of_hour_angle,
+    geo_slot_direction_deg,
     icrs_to_altaz,
     moon_icrs,
     moon_lit_fraction,
     night_span,
     separation_deg,
-    slot_direction,
     sun_icrs,
     wrap_180,
 )
@@ -39,7 +39,7 @@ SEEN_DEG = 82.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outlook:
+class SkyOutlook:
     """Sky over the site at one instant, with the next limits and eclipses; angles in degrees."""
 
     t_utc_ns: int
@@ -50,9 +50,7 @@ class Outlook:
     moon_altitude_deg: float
     moon_azimuth_deg: float
     moon_lit: float
-    """Lit fraction of the Moon's disc."""
     moon_away_deg: float | None = None
-    """Angle between the Moon and the telescope's direction."""
     margins_deg: tuple[tuple[LimitName, float], ...] = ()
     """Angle from the telescope's direction to each limit, nearest first; negative beyond it."""
     target_limit: tuple[int, Refusal] | None = None
@@ -60,19 +58,18 @@ class Outlook:
     eclipse_utc_ns: int | None = None
     """Begin of the next eclipse of a geostationary-like track; None without one."""
     here_altaz_deg: tuple[float, float] | None = None
-    """Altitude and azimuth of the telescope's direction."""
     way_altaz_deg: tuple[tuple[float, float], ...] = ()
     """Predicted (altitude, azimuth) of the track, now and every ten minutes for two hours."""
     belt_altaz_deg: tuple[tuple[float, float], ...] = ()
     """(altitude, azimuth) along the geostationary belt, as far as it is above the horizon."""
 
 
-def outlook(
+def sky_outlook(
     config: Config,
     t_utc_ns: int,
     direction_icrs_deg: tuple[float, float] | None = None,
     track: TrackState | None = None,
-) -> Outlook:
+) -> SkyOutlook:
     """Compute the sky over the configured site, in about 50 ms.
 
     ``direction_icrs_deg``: the telescope's direction; ``track``: the track followed. None for
@@ -89,7 +86,7 @@ def outlook(
     if dark_utc_ns is not None:
         ahead_s = min(ahead_s, max(dark_utc_ns[1] - t_utc_ns, 0) // NS_PER_S)
     sun = icrs_to_altaz(site, *sun_icrs(t_utc_ns), t_utc_ns)
-    return Outlook(
+    return SkyOutlook(
         t_utc_ns=t_utc_ns,
         sun_altitude_deg=sun[0],
         sun_azimuth_deg=sun[1],
@@ -121,7 +118,7 @@ def _belt_places(site: Site) -> tuple[tuple[float, float], ...]:
     """Altitude and azimuth of every fifth degree of the visible belt, fixed over the site."""
     places: list[tuple[float, float]] = []
     for slot in range(-180, 180, 5):
-        hour_angle_deg, dec_deg = slot_direction(site, float(slot))
+        hour_angle_deg, dec_deg = geo_slot_direction_deg(site, float(slot))
         altitude_deg, azimuth_deg = altaz_of_hour_angle(
             site, np.array([hour_angle_deg]), np.array([dec_deg])
         )

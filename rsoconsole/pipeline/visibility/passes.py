@@ -15,9 +15,9 @@ from rsoconsole.orbits import (
     ASSUMED,
     CatalogueEntry,
     ElementErrors,
-    nearest_in_epoch_of_each,
+    nearest_epoch_entries,
+    orbit_regime,
     position_sigmas_km,
-    regime_of,
     states_gcrs,
 )
 from rsoconsole.records import FloatArray, Site
@@ -28,7 +28,7 @@ from rsoconsole.sky import (
     horizon_altitude_deg,
     jd_utc,
     lit_fraction,
-    lit_fraction_by,
+    lit_fraction_for_sun,
     separation_deg,
     site_gcrs,
     sun_gcrs_km,
@@ -56,38 +56,38 @@ class TopocentricPlaces:
         """Position, (M, N, 3), GCRS."""
         self.line_km = self.r_km - site_gcrs(site, t_utc_ns)[0]
         """Line from the site, (M, N, 3)."""
-        self.alt_deg, az_deg = directions(self.line_km, axes_of(site, t_utc_ns))
+        self.alt_deg, az_deg = altitudes_and_azimuths(self.line_km, site_axes(site, t_utc_ns))
         """Altitude, (M, N); NaN where an object has no place, as is the azimuth."""
         self.az_deg = az_deg
         self.margin_deg = margin_deg(self.alt_deg, az_deg, limits)
         """Altitude above the limit, (M, N); far below it where an object has no place."""
 
 
-def axes_of(site: Site, t_utc_ns: IntArray) -> Axes:
-    """Return the unit vectors up, north and east at a site; north is along the ground there."""
+def site_axes(site: Site, t_utc_ns: IntArray) -> Axes:
+    """Return unit vectors up, north and east at a site, along GCRS axes; north is horizontal."""
     site_km = site_gcrs(site, t_utc_ns)[0]
     up = zenith_gcrs(site, t_utc_ns)
     toward_deg = 0.01 if site.latitude_deg < 89.0 else -0.01
     moved = replace(site, latitude_deg=site.latitude_deg + toward_deg)
-    north = unit((site_gcrs(moved, t_utc_ns)[0] - site_km) / toward_deg)
+    north = unit_vectors((site_gcrs(moved, t_utc_ns)[0] - site_km) / toward_deg)
     return up, north, np.cross(north, up)
 
 
-def directions(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]:
+def altitudes_and_azimuths(line_km: FloatArray, axes: Axes) -> tuple[FloatArray, FloatArray]:
     """Return altitudes and azimuths, (...,) deg, of lines from a site, (..., 3).
 
     ``axes``: up, north and east of the site, (..., 3) each.
     """
-    line = unit(line_km)
+    line = unit_vectors(line_km)
     up, north, east = (np.sum(line * axis, axis=-1) for axis in axes)
     alt_deg = np.degrees(np.arcsin(np.clip(up, -1.0, 1.0)))
     return np.asarray(alt_deg), np.asarray(np.degrees(np.arctan2(east, north)) % 360.0)
 
 
 def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) -> FloatArray:
-    """Altitude above the higher of altitude limit and horizon mask, degrees.
+    """Return the altitude above the limit, degrees; negative below, -90 where it is NaN.
 
-    It is -90 where the altitude is NaN.
+    The limit is the higher of altitude limit and horizon mask.
     """
     lowest_deg = np.full(np.shape(alt_deg), limits.min_altitude_deg)
     if limits.horizon:
@@ -95,7 +95,7 @@ def margin_deg(alt_deg: FloatArray, az_deg: FloatArray, limits: LimitsConfig) ->
     return np.where(np.isfinite(alt_deg), alt_deg - lowest_deg, -90.0)
 
 
-def unit(vectors: FloatArray) -> FloatArray:
+def unit_vectors(vectors: FloatArray) -> FloatArray:
     """Return vectors (..., 3) scaled to unit length."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
@@ -105,9 +105,7 @@ LOW_REVOLUTIONS = 9.0
 """Revolutions a day from which an orbit counts as low."""
 _OBJECTS_AT_ONCE = 400
 _NEAR_LIMIT_DEG, _NEARER = 4.0, 0.5
-"""Margin below the limit, deg, and share of the limit added to it, within which an object may be
-above the limit between two instants: the lowest orbits turn the faster in altitude the higher they
-stand."""
+"""Margin below the altitude limit, deg, and share of the limit added to it, that count as near."""
 _PARTS = 60
 """Number of parts of the time between two instants."""
 _FLATTENING_KM = 22.0
@@ -153,13 +151,13 @@ def night_passes(
     is_low_only: bool = True,
     errors: ElementErrors = ASSUMED,
 ) -> Iterator[tuple[int, tuple[NightPass, ...]]]:
-    """Yield (number of objects done, passes of the last of them) for some objects at a time.
+    """Yield (number of objects computed so far, new passes), some hundred objects at a time.
 
-    Passes are those within ``span_utc_ns``. Of each object the element set nearest in epoch is
-    used. ``is_low_only``: low orbits alone; without it an object that never sets has one pass, the
-    whole span. Elements that SGP4 refuses are left out.
+    ``span_utc_ns``: (start, end) within which passes are searched. ``is_low_only``: True for low
+    orbits only; else an object that never sets has one pass, the whole span. The element set
+    nearest in epoch is used; elements that SGP4 rejects are left out.
     """
-    nearest = nearest_in_epoch_of_each(entries, span_utc_ns[0])
+    nearest = nearest_epoch_entries(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
     looks = _Looks(site, span_utc_ns)
     done = len(nearest) - len(looked_at)
@@ -202,7 +200,7 @@ class _Looks:
         t = np.arange(span_utc_ns[0] - step_ns, span_utc_ns[1] + 2 * step_ns, step_ns)
         self.t_utc_ns = t
         self.site_km, self.site_km_s = site_gcrs(site, t)
-        self.axes = axes_of(site, t)
+        self.axes = site_axes(site, t)
         self.sun_km = sun_gcrs_km(t)
         self.to_gcrs = teme_to_gcrs_rotation(t)
         """Rotation from TEME, SGP4's frame, (N, 3, 3)."""
@@ -273,7 +271,7 @@ class _Path:
         up, north, east = (
             ((1.0 - u) * each[:-1, None] + u * each[1:, None]).reshape(-1, 3) for each in self.axes
         )
-        alt_deg, az_deg = directions(line, (up, north, east))
+        alt_deg, az_deg = altitudes_and_azimuths(line, (up, north, east))
         step_ns = STEP_S * NS_PER_S // _PARTS
         t = self.t_utc_ns[:-1, None] + np.arange(_PARTS) * step_ns
         return t.ravel(), line, alt_deg, az_deg
@@ -295,16 +293,16 @@ def _pass(
         return None
     rise, set_ = int(up[0]), int(up[-1])
     top = int(up[np.argmax(alt[up])])
-    lit = lit_fraction_by(path.sun_km, path.r_km) >= LIT_SHARE
+    lit = lit_fraction_for_sun(path.sun_km, path.r_km) >= LIT_SHARE
     bright = path.t_utc_ns[lit]
     is_lit = bool(len(bright)) and bright[-1] >= t[rise] and bright[0] <= t[set_]
     nearest = int(np.argmin(np.abs(path.t_utc_ns - t[top])))
-    beside = unit(lines[[max(top - 1, 0), min(top + 1, len(t) - 1)]])
+    beside = unit_vectors(lines[[max(top - 1, 0), min(top + 1, len(t) - 1)]])
     moved_deg = float(np.degrees(np.arcsin(np.linalg.norm(np.cross(*beside)))))
     span_s = (t[min(top + 1, len(t) - 1)] - t[max(top - 1, 0)]) / NS_PER_S
     age_days = (int(t[top]) - entry.epoch_utc_ns) / NS_PER_DAY
-    regime = regime_of(entry.revolutions_a_day, entry.eccentricity)
-    spread = errors.of(regime, is_moved=False)
+    regime = orbit_regime(entry.revolutions_a_day, entry.eccentricity)
+    spread = errors.spread_for(regime, is_moved=False)
     along_km = float(position_sigmas_km(spread, age_days)[1])
     speed_km_s = float(entry.revolutions_a_day * 2.0 * np.pi / 86_400.0) * float(
         np.linalg.norm(path.r_km[nearest])
@@ -345,21 +343,20 @@ class VisibleSatellite:
     alt_deg: float
     az_deg: float
     is_lit: bool
-    """True where it is sunlit; in the Earth's shadow it cannot be seen."""
     rate_arcsec_s: float
     """Angular rate against the stars."""
     minutes_left: float | None
     """Minutes until it sinks to the limit; None: not within 12 hours."""
 
 
-def visible_now(
+def visible_satellites(
     entries: Sequence[CatalogueEntry], site: Site, t_utc_ns: int, limits: LimitsConfig
 ) -> tuple[VisibleSatellite, ...]:
     """Return the satellites above altitude limit and horizon mask, the highest first.
 
     Elements that SGP4 refuses are left out.
     """
-    nearest = nearest_in_epoch_of_each(entries, t_utc_ns)
+    nearest = nearest_epoch_entries(entries, t_utc_ns)
     if not nearest:
         return ()
     now = TopocentricPlaces(

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits import CatalogueEntry, nearest_in_epoch_of_each, places_of
+from rsoconsole.orbits import CatalogueEntry, nearest_epoch_entries, object_places
 from rsoconsole.pipeline.orbits.elements_used import read_catalogue
 from rsoconsole.records import Site
 from rsoconsole.sky import (
@@ -52,11 +52,11 @@ class WrittenAngle:
     """Kind of the angle: ra, dec, alt, az or ha; empty where the text does not state it."""
 
 
-def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
-    """Split a text into its two angles.
+def split_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
+    """Split a text into its two angles. Raises ValueError where they are not two.
 
-    They are separated by the name of the second one; else by a comma; else by the second one's
-    sign, or its h, d or °; else in halves. Raises ValueError where that does not give two.
+    The second one begins at its label; else after a comma; else at its sign, or at its number with
+    h, d or °; else in the middle of the numbers.
     """
     labels = list(_LABEL.finditer(text))
     kinds = [_kind(match) for match in labels]
@@ -76,7 +76,7 @@ def two_angles(text: str) -> tuple[WrittenAngle, WrittenAngle]:
     return _angle(first, kinds[0] if kinds else ""), _angle(second, "")
 
 
-def is_marked(angle: str, *marks: str) -> bool:
+def has_any_mark(angle: str, *marks: str) -> bool:
     """True where the text of an angle contains one of these letters or signs."""
     return any(mark in angle.lower() for mark in marks)
 
@@ -132,7 +132,7 @@ OLD_DAYS = 14.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParsedDirection:
-    """Direction, with the reading of the text that gave it."""
+    """Direction, with a phrase that says how the text was read."""
 
     words: str
     ra_icrs_deg: float
@@ -159,7 +159,7 @@ class TargetNames:
         if fixed is not None:
             words, (ra, dec) = fixed
             return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
-        nearest = nearest_in_epoch_of_each(self._entries, t_utc_ns)
+        nearest = nearest_epoch_entries(self._entries, t_utc_ns)
         exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
         like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
         if len(like) == 1:
@@ -196,7 +196,7 @@ def _of_the_sky(wanted: str, site: Site, t_utc_ns: int) -> tuple[str, tuple[floa
 def parse_direction(
     text: str, site: Site, t_utc_ns: int, names: TargetNames | None = None
 ) -> ParsedDirection:
-    """Parse a typed direction, ICRS. Raises ValueError with a message on what may be written.
+    """Parse a typed direction, ICRS. Raises ValueError that says what may be typed.
 
     ``names``: satellites that may be named; None: none.
     """
@@ -213,7 +213,7 @@ def parse_direction(
     if has_words or is_word_first or is_number:
         return (names or TargetNames()).find(plain, site, t_utc_ns)
     try:
-        first, second = two_angles(bare)
+        first, second = split_angles(bare)
     except ValueError as error:
         raise ValueError(f"{error}: {USAGE}") from error
     words, (ra, dec) = _place_of(first, second, site, t_utc_ns, is_of_date=is_of_date)
@@ -237,13 +237,13 @@ def _place_of(
         raise ValueError(f"{' and '.join(sorted(kinds))} do not go together: {USAGE}")
     if first.kind == "dec" or second.kind == "ra":
         first, second = second, first
-    is_degrees = is_marked(first.text, "°", "d")
+    is_degrees = has_any_mark(first.text, "°", "d")
     _refuse_ambiguous(first.text)
     ra = _ra_of_degrees(first.text) if is_degrees else parse_ra_deg(first.text)
     dec = parse_dec_deg(second.text)
     if is_of_date:
         return "RA and Dec of date", jnow_to_icrs(ra, dec, t_utc_ns)
-    is_degrees |= number_of_fields(first.text) == 1 and not is_marked(first.text, "h", "ʰ")
+    is_degrees |= number_of_fields(first.text) == 1 and not has_any_mark(first.text, "h", "ʰ")
     return "RA and Dec, ICRS, in degrees" if is_degrees else "RA and Dec, ICRS", (ra, dec)
 
 
@@ -263,7 +263,7 @@ def _horizontal(
 
 def _refuse_ambiguous(text: str) -> None:
     """Raise ValueError for one bare number that may be hours or degrees, with both readings."""
-    if number_of_fields(text) != 1 or is_marked(text, "°", "d", "h", "ʰ"):
+    if number_of_fields(text) != 1 or has_any_mark(text, "°", "d", "h", "ʰ"):
         return
     value = parse_sexagesimal(text)
     if not 0.0 < value < 24.0:
@@ -285,14 +285,14 @@ def _ra_of_degrees(text: str) -> float:
 def _hour_angle_deg(text: str) -> float:
     """Parse an hour angle: in hours, unless it is marked as degrees."""
     value = parse_sexagesimal(text)
-    degrees = value if is_marked(text, "°", "d") else 15.0 * value
+    degrees = value if has_any_mark(text, "°", "d") else 15.0 * value
     if abs(degrees) > 180.0:
         raise ValueError(f"{text!r}: an hour angle lies within 12 h; write ° behind degrees")
     return wrap_180(degrees)
 
 
 def _satellite(elements: CatalogueEntry, site: Site, t_utc_ns: int) -> ParsedDirection:
-    places = places_of(elements, site, np.array([t_utc_ns]))
+    places = object_places(elements, site, np.array([t_utc_ns]))
     age_days = (t_utc_ns - elements.epoch_utc_ns) / NS_PER_DAY
     ra, dec = float(places.ra_icrs_deg[0]), float(places.dec_icrs_deg[0])
     if not np.isfinite(ra):

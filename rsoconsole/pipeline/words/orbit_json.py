@@ -12,11 +12,11 @@ from rsoconsole.orbits import (
     MeasuredDirections,
     ObjectMatch,
     Orbit,
-    elements_of,
+    osculating_elements,
     period_s,
 )
 from rsoconsole.pipeline.orbits.orbit_determination import FoundOrbit, OrbitArc
-from rsoconsole.pipeline.orbits.orbit_outlook import OrbitOutlook, PlaceAhead
+from rsoconsole.pipeline.orbits.orbit_outlook import FuturePosition, OrbitOutlook
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import NS_PER_S, utc_ns_to_iso
@@ -41,8 +41,8 @@ def orbit_report(
 ) -> dict[str, Any]:
     """Return the JSON object of ``rsoconsole orbit``.
 
-    Elements are osculating, on GCRS axes. ``outlook``: None: without one; ``tle``: mean elements as
-    two lines; None: none were fitted.
+    Elements are osculating, on GCRS axes. ``outlook``: positions and events ahead; None: left out;
+    ``tle``: fitted mean elements as two lines; None: none.
     """
     orbit, seen = found.orbit, found.seen
     report: dict[str, Any] = {
@@ -118,9 +118,9 @@ def named_track_report(
 
 
 def element_sigmas(orbit: KnownOrbit) -> dict[str, float | None]:
-    """Return the one-sigma errors of the elements; None for an angle that is not determined.
+    """Return one sigma of each element, by name; None for an angle that is not determined.
 
-    Its error exceeds 180 deg: the node of an orbit in the reference plane, the perigee of a circle.
+    Such an angle has a sigma above 180 deg, as the perigee of a circular orbit.
     """
     states = np.concatenate([orbit.r_km, orbit.v_km_s])
     around = states + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
@@ -155,8 +155,8 @@ def _orbit_values(orbit: Orbit) -> dict[str, Any]:
 
 
 def elements_by_name(r_km: FloatArray, v_km_s: FloatArray) -> dict[str, float]:
-    """Return the osculating elements of a state, by name, on the axes of the state."""
-    found = elements_of(r_km, v_km_s)
+    """Return the osculating elements of a position and velocity, by name, in the frame of these."""
+    found = osculating_elements(r_km, v_km_s)
     return {key: float(getattr(found, key)) for key in _ELEMENTS}
 
 
@@ -172,7 +172,7 @@ def _outlook_values(outlook: OrbitOutlook | None) -> dict[str, Any]:
     )
 
 
-def _ahead_report(ahead: PlaceAhead) -> dict[str, Any]:
+def _ahead_report(ahead: FuturePosition) -> dict[str, Any]:
     return {
         "t_utc": utc_ns_to_iso(ahead.t_utc_ns),
         "ra": ahead.ra_icrs_deg,

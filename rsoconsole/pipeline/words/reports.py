@@ -9,7 +9,7 @@ from typing import Any
 
 from rsoconsole.instruments import EXTENSION_KEY
 from rsoconsole.night import predicted_sigma_arcsec
-from rsoconsole.pipeline.batch.batch_pool import Processed
+from rsoconsole.pipeline.batch.batch_pool import ProcessedFrame
 from rsoconsole.pipeline.frame.hints import WrongHint
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import (
@@ -66,7 +66,8 @@ def detections_report(
 ) -> dict[str, Any]:
     """Return the JSON object of ``rsoconsole detect``.
 
-    ``extension``: image of a file with several that was read; ``notes``: cautions about the frame.
+    ``extension``: the one read, of a file with several images; ``notes``: cautions about the
+    frame.
     """
     return {
         "frame": name,
@@ -148,7 +149,7 @@ def prediction_report(track: TrackState) -> dict[str, Any]:
     }
 
 
-def process_report(name: str, processed: Processed) -> dict[str, Any]:
+def process_report(name: str, processed: ProcessedFrame) -> dict[str, Any]:
     """Return the JSON object of ``rsoconsole process`` for one frame: one cycle of Algorithm 1."""
     frame, reduction, after = processed.frame, processed.reduction, processed.after
     found = detections_report(name, reduction.detections)
@@ -179,7 +180,7 @@ def process_report(name: str, processed: Processed) -> dict[str, Any]:
 def _followed(reduction: Reduction, after: Following) -> Measurement | None:
     """Return the accepted measurement, or the most confident before lock."""
     if after.state == "TRACK":
-        return after.taken
+        return after.lead_measured
     if after.state == "COAST" or not reduction.measurements:
         return None
     return reduction.measurements[0]

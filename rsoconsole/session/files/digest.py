@@ -157,8 +157,7 @@ def _fits_fault(content: bytes) -> str | None:
 
 
 Severity: TypeAlias = Literal["damage", "leftover", "remark"]
-"""Severity of a finding: part of the record is lost or changed · something waits to be repaired ·
-good to know."""
+"""Severity of a finding: record lost or changed, something to be repaired, or good to know."""
 State: TypeAlias = Literal["closed", "live", "cut off", "other version", "unreadable"]
 Digest: TypeAlias = Literal["confirmed", "differs", "none"]
 
@@ -199,7 +198,7 @@ class Verification:
         """True where nothing is damaged; leftovers that wait for a repair do not count."""
         return all(found.severity != "damage" for found in self.findings)
 
-    def damage(self, place: str, what: str, remedy: str = FROM_COPY) -> None:
+    def add_damage(self, place: str, what: str, remedy: str = FROM_COPY) -> None:
         """Add a finding of damage: part of the record is lost or changed."""
         self._add("damage", place, what, remedy)
 
@@ -208,14 +207,14 @@ class Verification:
         self._add("leftover", place, what, remedy)
 
     def add_remark(self, place: str, what: str, remedy: str = NOTHING_TO_DO) -> None:
-        """Add a finding that is only good to know."""
+        """Add a finding for information: nothing is to be done."""
         self._add("remark", place, what, remedy)
 
     def _add(self, severity: Severity, place: str, what: str, remedy: str) -> None:
         self.findings.append(Finding(severity=severity, place=place, what=what, remedy=remedy))
 
 
-def state_of(about: Mapping[str, Any]) -> State:
+def session_state(about: Mapping[str, Any]) -> State:
     """Return the state of a session (closed, live or cut off), from its table ``meta``."""
     if about.get("is_closed") is True:
         return "closed"

@@ -31,9 +31,8 @@ class FolderFiles:
     def sizes(self) -> Mapping[str, int]:
         """Return the size in bytes of every regular file, by its path in the session.
 
-        Without files that vanish meanwhile, and without links: a link in a stranger's session may
-        point anywhere, and repairing or packing the session would then change or copy what it
-        points to.
+        Links are left out: those of a foreign session may point anywhere, and a repair or an
+        archive would change or copy their targets. Files that vanish meanwhile are left out too.
         """
         found: dict[str, int] = {}
         for top, _, names in os.walk(self.place, onerror=_raise):
@@ -147,8 +146,8 @@ def _raise(error: OSError) -> None:
     raise error
 
 
-def folders_in(root: Path) -> list[Path]:
-    """Return the paths directly in ``root``; () where it does not exist. Raises SessionError."""
+def paths_in(root: Path) -> list[Path]:
+    """Return the paths directly in ``root``; [] where it does not exist. Raises SessionError."""
     refused = system_errors_as(SessionError, f"{root} cannot be looked into: ")
     with refused, contextlib.suppress(FileNotFoundError):
         return list(root.iterdir())

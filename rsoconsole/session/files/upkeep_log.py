@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import SessionError, json_of, sync_folder, system_errors_as, write_durably
+from rsoconsole.base import SessionError, parse_json, sync_folder, system_errors_as, write_durably
 from rsoconsole.words import utc_ns_to_iso
 
 UPKEEP = "upkeep.jsonl"
@@ -36,7 +36,7 @@ def parse_notes(content: bytes) -> list[Note]:
     notes: list[Note] = []
     for line in content.decode("utf-8", errors="replace").splitlines():
         try:
-            note = json_of(line)
+            note = parse_json(line)
         except ValueError:
             continue
         if isinstance(note, dict):
@@ -57,7 +57,7 @@ def add_note(folder: Path, verb: str, t_utc_ns: int, details: Mapping[str, Any])
     write_durably(path, before + json.dumps(note).encode() + b"\n")
 
 
-def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
+def pruning_times(notes: Iterable[Note]) -> dict[str, str]:
     """Return when each pruned file was removed (ISO 8601 UTC), by its path in the session."""
     return {
         str(path): str(note.get("t_utc"))
@@ -67,18 +67,18 @@ def pruned_on(notes: Iterable[Note]) -> dict[str, str]:
     }
 
 
-def is_kept(folder: Path) -> bool:
+def is_prune_protected(folder: Path) -> bool:
     """True where the session is marked as never to be pruned."""
     return (folder / KEEP).exists()
 
 
-def keep(folder: Path, why: str) -> None:
+def protect_from_pruning(folder: Path, why: str) -> None:
     """Mark the session as never to be pruned, with the reason ``why``. Raises SessionError."""
     with system_errors_as(SessionError, f"{folder} cannot be marked: "):
         write_durably(folder / KEEP, (why.strip() + "\n").encode() if why.strip() else b"")
 
 
-def release(folder: Path) -> None:
+def allow_pruning(folder: Path) -> None:
     """Remove the mark that forbids to prune the session. Raises SessionError."""
     with system_errors_as(SessionError, f"{folder} cannot be released: "):
         (folder / KEEP).unlink(missing_ok=True)

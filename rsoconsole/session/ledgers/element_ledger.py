@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import state_dir
-from rsoconsole.orbits import ElementRow
+from rsoconsole.orbits import ElementErrorRow
 from rsoconsole.session.log.codec import from_json_value
 from rsoconsole.session.log.line_file import Change, LineFile, Lines
 
@@ -19,10 +19,9 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementLedger:
-    """The rows of the ledger that are in force."""
+    """Rows of the ledger that were not replaced or withdrawn since."""
 
-    rows: tuple[ElementRow, ...] = ()
-    """The rows in order of time."""
+    rows: tuple[ElementErrorRow, ...] = ()
     unreadable: tuple[int, ...] = ()
     """Numbers, from 1, of the lines of the file that cannot be read."""
 
@@ -38,12 +37,12 @@ def read_element_ledger(path: Path) -> ElementLedger:
     return _folded(file, file.lines())
 
 
-def keep_rows(
-    sessions: Sequence[str], rows: Sequence[ElementRow], path: Path
+def replace_session_rows(
+    sessions: Sequence[str], rows: Sequence[ElementErrorRow], path: Path
 ) -> tuple[ElementLedger, Path | None]:
     """Replace all rows of these sessions by ``rows``; they are on the disk on return.
 
-    Returns the ledger, and where a damaged file was moved (None: it was sound). Raises SessionError
+    Returns (the new ledger, path to which a damaged file was moved or None). Raises SessionError
     where the file cannot be written, and where another writer takes too long.
     """
 
@@ -56,7 +55,7 @@ def keep_rows(
             *({"did": "kept", "row": asdict(row)} for row in rows if known.get(row.key) != row),
         ]
 
-    return _file(path).change(_folded, step)
+    return _file(path).append_changes(_folded, step)
 
 
 def _file(path: Path) -> LineFile:
@@ -65,7 +64,7 @@ def _file(path: Path) -> LineFile:
 
 def _folded(file: LineFile, lines: Lines) -> ElementLedger:
     """Add up the lines. Raises SessionError for a ledger that a later version has written."""
-    rows: dict[tuple[str, str], ElementRow] = {}
+    rows: dict[tuple[str, str], ElementErrorRow] = {}
 
     def take(said: Mapping[str, Any]) -> None:
         match said["did"]:
@@ -77,16 +76,16 @@ def _folded(file: LineFile, lines: Lines) -> ElementLedger:
             case _:
                 raise ValueError(f"{said['did']!r} is nothing that a ledger says")
 
-    bad = file.read(lines, take)
+    bad = file.parse_lines(lines, take)
     return ElementLedger(
         rows=tuple(sorted(rows.values(), key=lambda each: (each.t_utc_ns, each.key))),
         unreadable=bad,
     )
 
 
-def _row(said: object) -> ElementRow:
+def _row(said: object) -> ElementErrorRow:
     """Read a row. Raises ValueError, KeyError or TypeError for values unfit for computation."""
-    row: ElementRow = from_json_value(ElementRow, said)
+    row: ElementErrorRow = from_json_value(ElementErrorRow, said)
     sigmas = (row.sigma_along_s, row.sigma_along_km, row.sigma_across_arcsec, row.sigma_across_km)
     if min(sigmas) <= 0.0:
         raise ValueError("an error of a measurement is above 0")

@@ -1,7 +1,7 @@
-"""Ledger of tracks that no catalogue explains, kept across nights in the user's state folder.
+"""Ledger of uncatalogued tracks, kept across nights in the user's state folder.
 
-A file of lines that is only appended to (``line_file``): a track is added, an object gets a name,
-an object is forgotten. The present state is a fold over the lines. A track that is added again
+Lines are only appended to its file (``line_file``): a track is added or withdrawn, an object is
+named or forgotten. The present state results from all lines in order. A track that is added again
 (same session and track id) replaces its earlier entry.
 """
 
@@ -44,9 +44,7 @@ class LedgerTrack:
     """One track in the ledger: where and when it was seen, its motion, its orbit."""
 
     session: str
-    """Name of the session's folder."""
     folder: str
-    """Path of the session's folder."""
     track_id: int
     latitude_deg: float
     longitude_deg: float
@@ -65,8 +63,7 @@ class LedgerTrack:
     orbit: LedgerOrbit | None
     """Orbit of the track; None where the track does not determine one."""
     directions: tuple[tuple[float, ...], ...]
-    """Some of its directions: seconds since ``t_utc_ns``, RA and Dec (deg), covariance ee, en,
-    nn."""
+    """Some of its directions: seconds since ``t_utc_ns``, RA, Dec (deg), covariance ee, en, nn."""
     is_simulated: bool = False
 
 
@@ -78,7 +75,6 @@ class LedgerObject:
     name: str
     """Name that the operator gave; empty: none."""
     tracks: tuple[LedgerTrack, ...]
-    """Tracks in order of time."""
 
     @property
     def called(self) -> str:
@@ -96,13 +92,12 @@ class Ledger:
     """The uncatalogued objects of all nights."""
 
     objects: tuple[LedgerObject, ...] = ()
-    """Objects in order of number."""
     next_number: int = 1
     """Number for the next new object; the number of a forgotten object is not used again."""
     unreadable: tuple[int, ...] = ()
     """Numbers, from 1, of the lines of the file that cannot be read."""
 
-    def named(self, number: int) -> LedgerObject:
+    def object_by_number(self, number: int) -> LedgerObject:
         """Return the object with this number. Raises SessionError where there is none."""
         for each in self.objects:
             if each.number == number:
@@ -110,7 +105,7 @@ class Ledger:
         known = ", ".join(str(each.number) for each in self.objects[:12]) or "none"
         raise SessionError(f"the ledger has no UCT {number}; there are: {known}")
 
-    def without(self, session: str) -> "Ledger":
+    def without_session(self, session: str) -> "Ledger":
         """Return the ledger without the tracks of a session; ``session``: name of its folder."""
         objects = []
         for each in self.objects:
@@ -119,7 +114,7 @@ class Ledger:
                 objects.append(replace(each, tracks=tracks))
         return replace(self, objects=tuple(objects))
 
-    def number_of(self, session: str, track_id: int) -> int | None:
+    def number_of_track(self, session: str, track_id: int) -> int | None:
         """Return the number of the object that has this track; None where no object has it."""
         for each in self.objects:
             if any((t.session, t.track_id) == (session, track_id) for t in each.tracks):
@@ -150,10 +145,7 @@ def forget_change(number: int) -> Change:
 
 
 def withdraw_change(session: str, track_id: int) -> Change:
-    """Return the line that withdraws a track.
-
-    For a track that has since been identified with a catalogued object.
-    """
+    """Return the change that withdraws a track that has since been identified."""
     return {"did": "taken back", "session": session, "track_id": track_id}
 
 
@@ -169,13 +161,13 @@ def read_ledger(path: Path | None = None) -> Ledger:
 def change_ledger(
     change: Callable[[Ledger], Sequence[Change]], path: Path | None = None
 ) -> tuple[Ledger, Path | None]:
-    """Append the lines that ``change`` returns for the present ledger; on the disk on return.
+    """Append the changes that ``change`` returns for the present ledger.
 
-    The file is locked meanwhile. ``path`` None: this user's ledger. Returns the new ledger, and
-    where a damaged file was moved (None: it was sound). Raises SessionError where another writer
-    takes too long, and where the file cannot be written.
+    They are on the disk on return; the file is locked meanwhile. ``path``: None: this user's
+    ledger. Returns (the new ledger, path to which a damaged file was moved or None). Raises
+    SessionError where another writer takes too long, and where the file cannot be written.
     """
-    return _file(path or ledger_path()).change(_folded, change)
+    return _file(path or ledger_path()).append_changes(_folded, change)
 
 
 def _file(path: Path) -> LineFile:
@@ -205,7 +197,7 @@ def _folded(file: LineFile, lines: Lines) -> Ledger:
                 raise ValueError(f"{said['did']!r} is nothing that a ledger says")
         highest = max(highest, said.get("number", 0))
 
-    bad = file.read(lines, take)
+    bad = file.parse_lines(lines, take)
     by_number: dict[int, list[LedgerTrack]] = {}
     for number, track in tracks.values():
         if number not in gone:

@@ -15,14 +15,13 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 
 import numpy as np
 
-from rsoconsole.base import SessionError, json_of
+from rsoconsole.base import SessionError, parse_json
 from rsoconsole.records import OFF_RECORD, Reason, Record
 from rsoconsole.words import text
 
 KINDS: Mapping[str, type] = types.MappingProxyType(
     {record.__name__: record for record in get_args(Record)}
 )
-"""Record types by their name in the log's column ``kind``."""
 
 _Decoder: TypeAlias = Callable[[Any], Any]
 
@@ -49,7 +48,7 @@ def decode(kind: str, body: str) -> Record:
     if record_type is None:
         raise SessionError(f"this version knows no record {kind!r}: update rsoconsole")
     try:
-        decoded: Record = _decoder(record_type)(json_of(body))
+        decoded: Record = _decoder(record_type)(parse_json(body))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise SessionError(f"a {kind} of this session is damaged: {error}") from error
     return decoded

@@ -28,11 +28,9 @@ MAX_ROW_BYTES = 64_000_000
 """Largest allowed row, bytes; the largest records have some ten thousand."""
 STEPS_A_CALL = 100_000
 MIN_CALLS = 500
-"""Least number of calls before a statement is ended: fifty million steps, seconds on a slow
-machine."""
+"""Least number of calls before a statement is ended: fifty million steps."""
 BYTES_A_CALL = 10_000
-"""Bytes of the file for one more call: ten steps a byte; the program's own statements need a
-thirtieth of a step."""
+"""Number of bytes of the file that allow one more call: ten steps a byte."""
 _TABLES = ("log", "meta", "files")
 _COMPUTED = re.compile(r"\b(check|generated|as|virtual)\b", re.IGNORECASE)
 _GENERATED = (2, 3)
@@ -47,10 +45,11 @@ _INDEXES = (
 )
 
 
-def limit_work(connection: sqlite3.Connection, path: Path) -> None:
-    """Limit the steps of each statement, by the database's size, and the size of a row.
+def limit_statements(connection: sqlite3.Connection, path: Path) -> None:
+    """Limit the size of a row, and each statement's number of steps by the database's size.
 
-    Beyond the limits SQLite raises OperationalError with the code SQLITE_INTERRUPT, or DataError.
+    Beyond the limits SQLite raises OperationalError with the code SQLITE_INTERRUPT, or
+    DataError.
     """
     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_ROW_BYTES)
     left = MIN_CALLS + sum(map(_bytes, (path, path.with_name(WAL)))) // BYTES_A_CALL
@@ -64,12 +63,12 @@ def limit_work(connection: sqlite3.Connection, path: Path) -> None:
 
 
 def is_query_limit_error(error: BaseException) -> bool:
-    """True for the error of a statement that ``limit_work`` ended."""
+    """True for the error of a statement that ``limit_statements`` ended."""
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
 
 
 def untrusted_tables_reason(connection: sqlite3.Connection) -> str | None:
-    """Return why the tables cannot be trusted: one is missing, or computes values.
+    """Return why the tables cannot be trusted, such as a trigger or a computed column.
 
     None where all are plain tables. Raises sqlite3.Error.
     """
@@ -134,7 +133,7 @@ def connect_to_write(path: Path) -> sqlite3.Connection:
 
 @contextmanager
 def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """Context of one transaction: on leaving, all its writes are on the disk, or none is.
+    """Run the context's body as one transaction: all its writes reach the disk, or none.
 
     ``connection`` must be in autocommit mode.
     """
@@ -147,13 +146,13 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
     """Open a read-only connection to a database that needs no recovery.
 
     ``is_immutable`` True: no process writes to the file, so SQLite need not lock it. Statements are
-    limited (``limit_work``). Raises sqlite3.Error.
+    limited (``limit_statements``). Raises sqlite3.Error.
     """
     mode = "mode=ro&immutable=1" if is_immutable else "mode=ro"
     connection = sqlite3.connect(
         f"{path.resolve().as_uri()}?{mode}", uri=True, timeout=2.0, factory=Database
     )
-    limit_work(connection, path)
+    limit_statements(connection, path)
     try:
         connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchall()
     except sqlite3.Error:
@@ -163,7 +162,7 @@ def connect_to_read(path: Path, *, is_immutable: bool = False) -> sqlite3.Connec
 
 
 def recovered_database_copy(folder: Path, scratch: Path) -> Path:
-    """Copy the session's database into ``scratch``, and let SQLite finish a write cut off.
+    """Copy the session's database into ``scratch``, and complete a write that was cut off.
 
     Returns the path of the copy, a single file. Raises OSError or sqlite3.Error.
     """
@@ -241,9 +240,10 @@ _MAGIC = b"SQLite format 3\x00"
 
 
 class LogFileWatch:
-    """Detects that the database or its write-ahead log was damaged by others.
+    """Watch that detects damage by others to the database or its write-ahead log.
 
-    Removed, replaced, cut short or overwritten: SQLite itself does not notice these.
+    Damage is a file that was removed, replaced, cut short or overwritten, which SQLite does not
+    notice.
     """
 
     def __init__(self, database: Path) -> None:
@@ -252,12 +252,12 @@ class LogFileWatch:
         self._descriptor: int | None = None
         with contextlib.suppress(OSError):
             self._descriptor = os.open(database, os.O_RDONLY | os.O_CLOEXEC)
-        self.damage(lambda: True)
+        self.find_damage(lambda: True)
 
     def close(self) -> None:
-        """Close the watch; only after the process's last connection to the database.
+        """Close the watch, but only after the process's last connection to the database.
 
-        Closing any descriptor of a file releases SQLite's own lock of it: another program would
+        Closing any descriptor of a file releases SQLite's lock on it: another program would then
         conclude that no process writes.
         """
         if self._descriptor is not None:
@@ -271,12 +271,12 @@ class LogFileWatch:
         """
         self._before.pop("write-ahead log", None)
 
-    def damage(self, has_all: Callable[[], bool]) -> str | None:
-        """Return the damage to the files since the first call, in words; None for none.
+    def find_damage(self, has_all: Callable[[], bool]) -> str | None:
+        """Return a phrase on damage to the files since the watch began; None where there is none.
 
-        ``has_all`` returns whether a reader finds every record. It is called where the write-ahead
-        log has become shorter: that is no damage where another program had SQLite merge it into the
-        database.
+        ``has_all``: called where the write-ahead log has become shorter; returns True where a
+        reader finds every record, as after another program had SQLite merge the log, which is no
+        damage.
         """
         for name, path in self._paths.items():
             try:

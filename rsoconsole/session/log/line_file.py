@@ -1,6 +1,6 @@
-"""A file of lines that is only appended to; each line is a JSON object readable by itself.
+"""Append-only file of lines; each line is an independent JSON object.
 
-Damage costs only the damaged lines: the next writer moves the damaged file aside, unchanged, and
+Damage affects only the damaged lines: the next writer moves the damaged file aside, unchanged, and
 continues with the readable lines. The first line states the format.
 """
 
@@ -14,15 +14,14 @@ from typing import Any, Protocol, TypeVar
 
 from rsoconsole.base import (
     SessionError,
-    json_of,
     lock_file,
+    parse_json,
     sync_folder,
     system_errors_as,
     write_durably,
 )
 
 _WAIT_S = 20.0
-"""Longest wait for another writer."""
 _MAX_BYTES = 200_000_000
 
 Lines = Sequence[bytes]
@@ -30,15 +29,15 @@ Change = Mapping[str, Any]
 """A line to append, as a mapping; its key ``did`` names the kind of change."""
 
 
-class FoldedLines(Protocol):
-    """The state that all lines of a file add up to."""
+class LineFileState(Protocol):
+    """State that results from all lines of a file."""
 
     @property
     def unreadable(self) -> tuple[int, ...]:
         """Numbers of the lines that cannot be read, from 1."""
 
 
-F = TypeVar("F", bound=FoldedLines)
+F = TypeVar("F", bound=LineFileState)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,14 +59,15 @@ class LineFile:
             except FileNotFoundError:
                 return []
 
-    def change(
+    def append_changes(
         self, fold: Callable[["LineFile", Lines], F], step: Callable[[F], Sequence[Change]]
     ) -> tuple[F, Path | None]:
-        """Append the changes that ``step`` returns for the present state; on the disk on return.
+        """Append the changes that ``step`` returns for the present state.
 
-        ``fold`` makes the state of the lines. The file is locked meanwhile. Returns the new state,
-        and where a damaged file was moved (None: it was sound). Raises SessionError where another
-        writer takes too long, and where the file cannot be written.
+        They are on the disk on return; the file is locked meanwhile. ``fold``: computes the state
+        from the lines. Returns (the new state, path to which a damaged file was moved or None).
+        Raises SessionError where another writer takes too long, and where the file cannot be
+        written.
         """
         with system_errors_as(
             SessionError,
@@ -85,11 +85,13 @@ class LineFile:
                     self._append(added)
                 return fold(self, self.lines()), aside
 
-    def read(self, lines: Lines, take: Callable[[Mapping[str, Any]], None]) -> tuple[int, ...]:
-        """Parse the lines, and call ``take`` with the object of each, except of the first line.
+    def parse_lines(
+        self, lines: Lines, take: Callable[[Mapping[str, Any]], None]
+    ) -> tuple[int, ...]:
+        """Parse the lines, and call ``take`` with each JSON object except the first line's.
 
-        Returns the numbers, from 1, of the lines that cannot be read; ``take`` raises ValueError,
-        KeyError or TypeError for a line that it does not accept. Raises SessionError for a file
+        Returns the numbers, from 1, of the lines that cannot be read. ``take`` raises ValueError,
+        KeyError or TypeError for an object that it does not accept. Raises SessionError for a file
         that a later version has written.
         """
         bad = []
@@ -97,7 +99,7 @@ class LineFile:
             if not line.strip():
                 continue
             try:
-                said = json_of(line.decode("utf-8"))
+                said = parse_json(line.decode("utf-8"))
                 if not isinstance(said, dict):
                     raise TypeError("no object")
                 if said["did"] != "begun":

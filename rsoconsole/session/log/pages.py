@@ -25,8 +25,8 @@ _INTEGER_BYTES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
 _WAL_HEADER_BYTES, _FRAME_HEADER_BYTES = 32, 24
 
 
-class Pages:
-    """The pages, by number from 1, of a database and its write-ahead log."""
+class DatabasePages:
+    """Pages of a database and its write-ahead log, read without SQLite."""
 
     def __init__(self, database: Path, wal: Path) -> None:
         """Read both files. Raises OSError."""
@@ -50,8 +50,8 @@ class Pages:
     def rows(self) -> Iterator[tuple[int | None, Fields]]:
         """Yield (rowid, fields) of everything that looks like a row.
 
-        rowid is None for a row of a WITHOUT ROWID table. A field that SQLite stores as the rowid is
-        None.
+        rowid is None for a row of a WITHOUT ROWID table. In the fields, a column that is the rowid
+        itself is None.
         """
         for image in self._images:
             starts = (_FILE_HEADER_BYTES, 0) if image.startswith(MAGIC) else (0,)

@@ -26,7 +26,6 @@ BRANCHES = "branches"
 FOLDERS: Mapping[str, str] = MappingProxyType(
     {"frame": "frames", "preview": "previews", "closeup": "closeups"}
 )
-"""Name of the folder of each role's files."""
 _ENDINGS = {"frame": ".fits.fz", "preview": ".png", "closeup": ".png"}
 _NUMBERED = re.compile(r"(?P<folder>[a-z]+)/(?P<frame_id>\d{6,})(?P<ending>(\.[a-z]+)+)")
 
@@ -72,29 +71,27 @@ _SUPERSEDED = (
     "EXISTS (SELECT 1 FROM log AS later WHERE later.kind = 'FollowedAgain'"
     " AND later.frame_id = log.frame_id AND later.seq > log.seq)"
 )
-"""Condition in SQL that is true where the frame was processed again after the operator's decision:
-the row no longer counts."""
+"""SQL condition, true where a frame was processed again by decision: the row no longer counts."""
 VIEWS = tuple(TABLES)
-"""Names of the public views."""
 
 
-def file_name(role: str, frame_id: int) -> str:
+def frame_file_path(role: str, frame_id: int) -> str:
     """Return the path, in the session's folder, of a frame's file of this role."""
     return f"{FOLDERS[role]}/{frame_id:06d}{_ENDINGS[role]}"
 
 
-def role_of(path: str) -> tuple[str, int] | None:
+def parse_frame_file_path(path: str) -> tuple[str, int] | None:
     """Return (role, frame_id) of a file, from its path in the session; None for another file."""
     match = _NUMBERED.fullmatch(path)
     if match is None:
         return None
     for role in FOLDERS:
-        if file_name(role, int(match["frame_id"])) == path:
+        if frame_file_path(role, int(match["frame_id"])) == path:
             return role, int(match["frame_id"])
     return None
 
 
-def select_of(name: str) -> str:
+def view_select_sql(name: str) -> str:
     """Return the SQL that selects the rows of a public view."""
     table = TABLES[name]
     columns = ["seq", "t_utc_ns", "log.frame_id AS frame_id"]
@@ -110,14 +107,14 @@ def _value(table: Table, column: Column) -> str:
     """SQL of one column."""
     if column.source == "files":
         return _FROM_FILES[column.name]
-    if column.place in {"#", "="}:
-        return "one.key" if column.place == "#" else "one.value"
+    if column.record_path in {"#", "="}:
+        return "one.key" if column.record_path == "#" else "one.value"
     body = "one.value" if table.parts else "body"
     place = "$" + "".join(
-        f"[{step}]" if step.isdigit() else f".{step}" for step in column.place.split(".")
+        f"[{step}]" if step.isdigit() else f".{step}" for step in column.record_path.split(".")
     )
     value = f"json_extract({body}, '{place}')"
-    if column.is_worded:
+    if column.has_sentence:
         # A kind with its figures, and what they say as text; or text alone.
         value = f"coalesce(json_extract({body}, '{place}.text'), {value})"
     return value
@@ -125,5 +122,5 @@ def _value(table: Table, column: Column) -> str:
 
 def create_script() -> str:
     """Return the SQL that makes an empty session database: tables, then the public views."""
-    views = (f"CREATE VIEW {name} AS {select_of(name)};\n" for name in VIEWS)
+    views = (f"CREATE VIEW {name} AS {view_select_sql(name)};\n" for name in VIEWS)
     return _TABLES_SQL + "".join(views)

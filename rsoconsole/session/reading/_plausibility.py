@@ -1,6 +1,6 @@
-"""Checks records for impossible numbers: no valid times, directions or covariances.
+"""Checks records for impossible values: invalid times, directions and covariances.
 
-JSON in the shape of a record may hold any values, which computations must not meet.
+JSON in the form of a record may contain any values, which computations must not receive.
 """
 
 from rsoconsole.records import FrameTaken, Measurement, NotFollowed, Record, Ruling, TrackState

@@ -22,10 +22,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rsoconsole.base import SessionError, json_of
+from rsoconsole.base import SessionError, parse_json
 from rsoconsole.config import Config
 from rsoconsole.records import Event, Record
-from rsoconsole.session.files.upkeep_log import pruned_on, read_notes
+from rsoconsole.session.files.upkeep_log import pruning_times, read_notes
 from rsoconsole.session.log.codec import KINDS, decode
 from rsoconsole.session.log.database import (
     connect_to_read,
@@ -41,7 +41,7 @@ from rsoconsole.session.log.schema import (
     SCHEMA_VERSION,
     VIEWS,
     WAL,
-    select_of,
+    view_select_sql,
 )
 from rsoconsole.session.reading._plausibility import LAST_UTC_NS, expect_plausible
 from rsoconsole.words import utc_ns_to_iso
@@ -73,8 +73,8 @@ def expect_schema(folder: Path, version: int) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Counts:
-    """How many records and frames a session has, and its first and last instant."""
+class SessionCounts:
+    """Numbers of records and frames of a session, and its first and last instant."""
 
     records: int
     frames: int
@@ -83,10 +83,10 @@ class Counts:
 
 
 class SessionReader:
-    """Reads the records, facts and files of a session. Cheap to make; one thread at a time.
+    """Reader of a session's records, table ``meta`` and files. For one thread at a time.
 
-    The constructor and every method raise SessionError when the folder holds no session, when the
-    session is damaged, or when a version with another schema wrote it.
+    It is cheap to create. The constructor and every method raise SessionError when the folder holds
+    no session, when the session is damaged, or when its schema is another version's.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -105,10 +105,10 @@ class SessionReader:
         expect_schema(self.folder, version)
 
     def connect(self) -> sqlite3.Connection:
-        """Open a read-only connection for the caller's own SQL statements. Close it soon.
+        """Open a read-only connection for the caller's own SQL statements; close it soon.
 
-        While it reads, a live session cannot merge its write-ahead log. A statement is ended where
-        it takes more steps than the database's size explains.
+        While it is open, a live session cannot merge its write-ahead log. A statement is stopped
+        where it takes far more steps than the database's size explains.
         """
         connection = self._opened()
         try:
@@ -124,7 +124,7 @@ class SessionReader:
             )
         return connection
 
-    def about(self) -> dict[str, Any]:
+    def read_meta(self) -> dict[str, Any]:
         """Read the session's table ``meta``: config, model_sha256, versions and so on.
 
         ``is_closed`` is False for a session that is live or was cut off. Raises SessionError where
@@ -132,7 +132,7 @@ class SessionReader:
         """
         rows = self._fetch("SELECT key, value FROM meta")
         try:
-            return {key: json_of(value) for key, value in rows}
+            return {key: parse_json(value) for key, value in rows}
         except (ValueError, TypeError, RecursionError) as error:
             raise SessionError(
                 f"what {self.folder} says of itself is damaged (table meta: {error}): 'rsoconsole"
@@ -141,7 +141,7 @@ class SessionReader:
 
     def config(self) -> Config:
         """Read the configuration at the start of the session; unknown settings are left out."""
-        table = self.about().get("config")
+        table = self.read_meta().get("config")
         try:
             return Config.model_validate(_known(table))
         except ValidationError as error:
@@ -155,13 +155,15 @@ class SessionReader:
         ((seq,),) = self._fetch("SELECT coalesce(max(seq), 0) FROM log")
         return int(seq)
 
-    def counts(self) -> Counts:
+    def counts(self) -> SessionCounts:
         """Count records and frames; find the first and the last instant."""
         ((records, frames, t_first, t_last),) = self._fetch(
             "SELECT count(*), count(CASE kind WHEN 'FrameTaken' THEN 1 END), "
             f"min({_GOOD_TIME}), max({_GOOD_TIME}) FROM log"
         )
-        return Counts(records=records, frames=frames, t_first_utc_ns=t_first, t_last_utc_ns=t_last)
+        return SessionCounts(
+            records=records, frames=frames, t_first_utc_ns=t_first, t_last_utc_ns=t_last
+        )
 
     def records(
         self,
@@ -194,20 +196,20 @@ class SessionReader:
                 return
             since_seq = page[-1][0]
 
-    def outline(self) -> list[tuple[int, int, str, int | None]]:
+    def record_headers(self) -> list[tuple[int, int, str, int | None]]:
         """List (seq, t_utc_ns, kind, frame_id or None) of every record, in order.
 
         Fast: no record is decoded.
         """
         return self._fetch("SELECT seq, t_utc_ns, kind, frame_id FROM log ORDER BY seq")
 
-    def view(self, name: str) -> list[dict[str, Any]]:
+    def view_rows(self, name: str) -> list[dict[str, Any]]:
         """Read the rows of a public view, each as a dict, in the order of the log."""
         if name not in VIEWS:
             raise SessionError(f"a session has no view {name!r}; it has {', '.join(VIEWS)}")
         with closing(self.connect()) as connection:
             try:
-                cursor = connection.execute(f"{select_of(name)} ORDER BY seq")
+                cursor = connection.execute(f"{view_select_sql(name)} ORDER BY seq")
                 columns = [column[0] for column in cursor.description]
                 return [dict(zip(columns, row, strict=True)) for row in cursor]
             except sqlite3.Error as error:
@@ -218,15 +220,15 @@ class SessionReader:
         return self._file(frame_id, "frame")
 
     def frames_with_pixels(self) -> frozenset[int]:
-        """Return the numbers of frames whose pixels are there; of a branch, also the original's."""
+        """Return the numbers of frames whose pixels exist; for a branch, also the original's."""
         sql = "SELECT frame_id, path FROM files WHERE role = 'frame' AND path IS NOT NULL"
         there = {p.name for p in (self.folder / FOLDERS["frame"]).glob("*")}
         own = {int(number) for number, path in self._fetch(sql) if Path(path).name in there}
         before = frozenset[int]() if self._origin is None else self._origin.frames_with_pixels()
         return before | own
 
-    def not_kept_because(self, frame_id: int) -> str | None:
-        """Return why the frame's pixels are missing; None where they are there.
+    def missing_pixels_reason(self, frame_id: int) -> str | None:
+        """Return why the frame's pixels are missing; None where they exist.
 
         None also where no reason is recorded. For a pruned frame it is the time of pruning, from
         ``upkeep.jsonl``.
@@ -234,11 +236,11 @@ class SessionReader:
         sql = "SELECT reason, path FROM files WHERE frame_id = ? AND role = 'frame'"
         rows = self._fetch(sql, (frame_id,))
         if not rows:
-            return None if self._origin is None else self._origin.not_kept_because(frame_id)
+            return None if self._origin is None else self._origin.missing_pixels_reason(frame_id)
         ((reason, path),) = rows
         if reason or path is None or self._inside(path) is not None:
             return str(reason) if reason else None
-        pruned = pruned_on(read_notes(self.folder)).get(path)
+        pruned = pruning_times(read_notes(self.folder)).get(path)
         return None if pruned is None else f"pruned on {pruned}"
 
     def preview_path(self, frame_id: int) -> Path | None:
@@ -253,14 +255,14 @@ class SessionReader:
         return self._file(frame_id, "closeup")
 
     @cached_property
-    def branch_of(self) -> Path | None:
-        """Folder of the session that this session is a branch of; None where it is no branch.
+    def original_folder(self) -> Path | None:
+        """Folder of the original session of a branch; None where the session is no branch.
 
-        The folder need not exist: a branch may have been moved away from its original.
+        It need not exist: a branch may have been moved away from its original.
         """
         rows = self._fetch("SELECT value FROM meta WHERE key = 'branch_of'")
         try:
-            named = json_of(rows[0][0]) if rows else None
+            named = parse_json(rows[0][0]) if rows else None
         except (ValueError, TypeError):
             return None
         if not isinstance(named, str) or not named or Path(named).is_absolute():
@@ -275,10 +277,10 @@ class SessionReader:
     @cached_property
     def _origin(self) -> "SessionReader | None":
         """Reader of the session this one branches from, where it can be read."""
-        if self.branch_of is None:
+        if self.original_folder is None:
             return None
         try:
-            return SessionReader(self.branch_of)
+            return SessionReader(self.original_folder)
         except SessionError:
             return None
 
@@ -404,10 +406,10 @@ def _known(table: Any) -> Any:
     return known
 
 
-def clock_notes(reader: SessionReader) -> tuple[str, ...]:
-    """Return one line for each fault of the machine's clock: the instant and the fault, in order.
+def clock_fault_lines(reader: SessionReader) -> tuple[str, ...]:
+    """Return one line, with time and fault, for each fault of the computer's clock, in order.
 
-    () for a night with a steady clock. Raises SessionError where the session cannot be read.
+    () where there was none. Raises SessionError where the session cannot be read.
     """
     return tuple(
         f"{utc_ns_to_iso(t_utc_ns, 0)} {record.text.partition(': ')[0]}"

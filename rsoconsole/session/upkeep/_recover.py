@@ -1,7 +1,7 @@
-"""Recovers a session with a damaged database into a new session beside it.
+"""Recovers the readable parts of a damaged session into a new session beside it.
 
-The damaged session is only read. Its rows are read twice: by SQLite, around the pages that it
-cannot read, and page by page, which finds rows that no table leads to any more.
+The damaged session is only read. Its rows are read twice: by SQLite, which skips unreadable pages,
+and page by page, which also finds rows that no table refers to any more.
 """
 
 import errno
@@ -16,7 +16,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from rsoconsole.base import PART, SessionError, json_of, read_foreign, sync_folder, toml_of
+from rsoconsole.base import (
+    PART,
+    SessionError,
+    parse_json,
+    parse_toml,
+    read_foreign_text,
+    sync_folder,
+)
 from rsoconsole.session.files.digest import META_KEY as DIGEST_KEY
 from rsoconsole.session.files.digest import Row, content_fault, mark_closed, stray_file_row
 from rsoconsole.session.files.session_files import FolderFiles
@@ -29,12 +36,12 @@ from rsoconsole.session.log.database import (
     Database,
     connect_to_write,
     create_database,
-    limit_work,
+    limit_statements,
     merge_wal,
     transaction,
     untrusted_tables_reason,
 )
-from rsoconsole.session.log.pages import MAGIC, Fields, Pages
+from rsoconsole.session.log.pages import MAGIC, DatabasePages, Fields
 from rsoconsole.session.log.schema import (
     BESIDE_DATABASE,
     BRANCHES,
@@ -44,7 +51,7 @@ from rsoconsole.session.log.schema import (
     JOURNAL,
     SCHEMA_VERSION,
     WAL,
-    role_of,
+    parse_frame_file_path,
 )
 from rsoconsole.session.reading.reader import SessionReader, expect_schema
 
@@ -129,7 +136,7 @@ def _save_log(folder: Path, target: Path) -> tuple[int, int]:
             if (folder / name).exists():
                 _copy_readable(folder / name, Path(scratch) / name)
         # Now: SQLite may fold the log into the database. What it reads itself wins.
-        pages = Pages(copy, Path(scratch) / WAL)
+        pages = DatabasePages(copy, Path(scratch) / WAL)
         _fill_up(copy)
         read = _Read({}, {}, {})
         _walk(copy, read)
@@ -160,7 +167,7 @@ def _walk(database: Path, read: _Read) -> None:
         suppress(sqlite3.Error),
         closing(sqlite3.connect(database, factory=Database)) as connection,
     ):
-        limit_work(connection, database)
+        limit_statements(connection, database)
         if untrusted_tables_reason(connection):
             return  # what its tables hold stands on the pages
         for row in _log_around_damage(connection):
@@ -185,7 +192,7 @@ def _log_around_damage(connection: sqlite3.Connection) -> Iterator[tuple[Any, ..
             yield from connection.execute(sql.format("="), (seq,))
 
 
-def _scan(pages: Pages, read: _Read) -> None:
+def _scan(pages: DatabasePages, read: _Read) -> None:
     """Read the rows that still stand on some page, distinguished by their shape."""
     for rowid, fields in pages.rows():
         if rowid is not None and len(fields) == _LOG_FIELDS:
@@ -210,7 +217,7 @@ def _take_log(read: _Read, row: tuple[Any, ...]) -> None:
     if not is_shaped:
         return
     try:
-        decode(kind, body) if kind in KINDS else json_of(body)
+        decode(kind, body) if kind in KINDS else parse_json(body)
     except (SessionError, ValueError):
         return
     read.log.setdefault(seq, (seq, t_utc_ns, kind, frame_id, body))
@@ -229,7 +236,7 @@ def _take_fact(read: _Read, row: Fields) -> None:
     key, value = row
     if isinstance(key, str) and key.isidentifier():
         with suppress(TypeError, ValueError):
-            json_of(value)  # type: ignore[arg-type]
+            parse_json(value)  # type: ignore[arg-type]
             read.meta.setdefault(key, str(value))
 
 
@@ -251,10 +258,10 @@ def _take_file(read: _Read, row: Fields) -> None:
 
 def _facts(meta: dict[str, str], folder: Path) -> dict[str, Any]:
     """Facts of the session about itself; its configuration from the file beside where need be."""
-    facts = {key: json_of(value) for key, value in meta.items()}
+    facts = {key: parse_json(value) for key, value in meta.items()}
     if not isinstance(facts.get("config"), dict):
         with suppress(OSError, ValueError):
-            facts["config"] = toml_of(read_foreign(folder / CONFIG))
+            facts["config"] = parse_toml(read_foreign_text(folder / CONFIG))
     if isinstance(version := facts.get("schema_version"), int):
         expect_schema(folder, version)
     facts.setdefault("title", folder.name)
@@ -273,7 +280,7 @@ def _save_files(folder: Path, target: Path) -> int:
             continue
         (target / path).parent.mkdir(parents=True, exist_ok=True)
         _link_or_copy(folder / path, target / path)
-        place = role_of(path)
+        place = parse_frame_file_path(path)
         if place is not None:
             saved[path] = place
     with closing(connect_to_write(target / DATABASE)) as connection, transaction(connection):

@@ -23,7 +23,7 @@ from rsoconsole.session.files.session_files import MANIFEST, FolderFiles
 from rsoconsole.session.files.upkeep_log import UPKEEP, add_note
 from rsoconsole.session.log.schema import BESIDE_DATABASE, DATABASE
 from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.store import remove_folder
+from rsoconsole.session.upkeep.store import remove_session
 from rsoconsole.session.upkeep.verify import verify_session
 
 OnBytes: TypeAlias = Callable[[str, int, int], None]
@@ -33,7 +33,7 @@ ROOM = 1.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Archive:
+class ArchiveResult:
     """Result of archiving one session: the archive, written and read back."""
 
     session: Path
@@ -41,9 +41,7 @@ class Archive:
     files: int
     bytes: int
     verification: Verification
-    """Result of checking the archive as it is on the disk."""
     is_removed: bool
-    """True where the original session was removed."""
 
 
 def archive_session(
@@ -53,7 +51,7 @@ def archive_session(
     *,
     remove: bool = False,
     on_bytes: OnBytes | None = None,
-) -> Archive:
+) -> ArchiveResult:
     """Pack a closed, sound session into ``out/NAME.tar``, and verify the archive.
 
     ``remove``: then remove the original. ``on_bytes`` is called with (the present step, bytes so
@@ -91,8 +89,8 @@ def archive_session(
         ) from error
     read_back.session = target
     if remove:
-        remove_folder(folder)
-    return Archive(
+        remove_session(folder)
+    return ArchiveResult(
         session=folder,
         path=target,
         files=len(sources),

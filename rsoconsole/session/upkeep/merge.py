@@ -1,7 +1,7 @@
-"""Merges a rescue session into the session that it stood in for.
+"""Merges a rescue session, written while a session's disk failed, into that session.
 
 The rescue session is removed only when all of its content has been read back from the other
-session; if anything fails before, both sessions are unchanged.
+session. Where anything fails before, the rescue session remains.
 """
 
 import os
@@ -31,8 +31,8 @@ from rsoconsole.session.log.database import (
 from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import DATABASE
 from rsoconsole.session.reading.reader import SessionReader
-from rsoconsole.session.upkeep.store import remove_folder
-from rsoconsole.session.upkeep.verify import page_faults
+from rsoconsole.session.upkeep.store import remove_session
+from rsoconsole.session.upkeep.verify import find_database_faults
 from rsoconsole.session.writing.log_writer import rescue_places
 
 LEAVE_WAL_S = 3.0
@@ -49,9 +49,9 @@ class MergeResult:
 
 
 def session_of_rescue(folder: Path) -> Path | None:
-    """Return the session that ``folder`` is a rescue of; None where it is no (readable) rescue."""
+    """Return the session that a rescue session stands in for; None for any other folder."""
     try:
-        named = SessionReader(folder).about().get("rescues")
+        named = SessionReader(folder).read_meta().get("rescues")
     except SessionError:
         return None
     is_path = isinstance(named, str) and "\0" not in named and Path(named).is_absolute()
@@ -81,10 +81,10 @@ def rescues_of(session: Path) -> tuple[Path, ...]:
 
 
 def merge_rescue(rescue: Path, now_utc_ns: int) -> MergeResult:
-    """Copy what only the rescue session has into its session, verify it, remove the rescue.
+    """Copy the rescue's records that its session lacks, verify them, and remove the rescue.
 
-    No record is changed: where both have a record and the two differ, nothing is done. Raises
-    SessionError with the reason; the rescue session then remains.
+    No record of the session is changed: where a record differs between the two, nothing is copied.
+    Raises SessionError with the reason; the rescue session then remains.
     """
     session = session_of_rescue(rescue)
     if session is None:
@@ -95,11 +95,11 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> MergeResult:
     with value_errors_as(SessionError, "its session is gone or cannot be read: ", SessionError):
         target = SessionReader(session)
     for reader in (source, target):
-        about = reader.about()
+        about = reader.read_meta()
         if is_being_written(about):
             raise SessionError(f"{reader.folder} is being written: end its engine first")
         with closing(reader.connect()) as connection:
-            if page_faults(connection):
+            if find_database_faults(connection):
                 raise SessionError(f"the database of {reader.folder} is damaged")
     _expect_sound_digest(target)
     with value_errors_as(SessionError, f"{session} does not take it: ", (sqlite3.Error, OSError)):
@@ -108,13 +108,13 @@ def merge_rescue(rescue: Path, now_utc_ns: int) -> MergeResult:
         _expect_all(source, SessionReader(session))
         details: dict[str, Any] = {"rescue": str(rescue), "records": records, "files": files}
         add_note(session, "merge", now_utc_ns, details)
-    remove_folder(rescue)
+    remove_session(rescue)
     return MergeResult(rescue=rescue, session=session, records=records, files=files)
 
 
 def _expect_sound_digest(target: SessionReader) -> None:
     """Raise SessionError where the log is not the log that was closed: it is not continued."""
-    recorded = LogDigest.from_meta(target.about())
+    recorded = LogDigest.from_meta(target.read_meta())
     with closing(target.connect()) as connection:
         if recorded is not None and digest_log(connection) != recorded:
             raise SessionError(f"the log of {target.folder} is not the log that was closed")
@@ -160,7 +160,7 @@ def _take_file(connection: sqlite3.Connection, row: tuple[Any, ...]) -> bool:
 def _expect_all(source: SessionReader, target: SessionReader) -> None:
     """Read back what was written. Raises SessionError where anything is missing."""
     with closing(target.connect()) as connection:
-        if page_faults(connection):
+        if find_database_faults(connection):
             raise SessionError(f"the database of {target.folder} is damaged")
         for row in _rows(source, LOG_ROWS):
             if connection.execute(LOG_ROW, row[:1]).fetchone() != row:

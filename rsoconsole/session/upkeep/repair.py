@@ -17,7 +17,7 @@ from rsoconsole.session.files.session_files import FolderFiles
 from rsoconsole.session.files.upkeep_log import add_note
 from rsoconsole.session.log.database import INSERT_FILE, connect_to_write, merge_wal, transaction
 from rsoconsole.session.log.liveness import is_being_written
-from rsoconsole.session.log.schema import BRANCHES, DATABASE, JOURNAL, WAL, role_of
+from rsoconsole.session.log.schema import BRANCHES, DATABASE, JOURNAL, WAL, parse_frame_file_path
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
 from rsoconsole.session.upkeep._recover import RecoveryResult, recover_session
 from rsoconsole.session.upkeep.merge import (
@@ -27,28 +27,23 @@ from rsoconsole.session.upkeep.merge import (
     rescues_of,
     session_of_rescue,
 )
-from rsoconsole.session.upkeep.verify import page_faults
+from rsoconsole.session.upkeep.verify import find_database_faults
 
 
 @dataclass(slots=True, kw_only=True)
-class Repair:
+class RepairResult:
     """Result of repairing one session."""
 
     session: Path
     closed: bool = False
     """True where a session that was cut off is now marked closed, with the digest of its log."""
     folded: bool = False
-    """True where the write-ahead log was merged into the database."""
     adopted: list[str] = field(default_factory=list)
     """Files that were complete on the disk and missing in the log; the log has them now."""
     removed: list[str] = field(default_factory=list)
-    """Half-written files that were removed."""
     left: dict[str, str] = field(default_factory=dict)
-    """Files that were not added to the log, each with the reason."""
     merged: list[MergeResult] = field(default_factory=list)
-    """Rescue sessions that were merged into this session, and removed."""
     unmerged: dict[Path, str] = field(default_factory=dict)
-    """Rescue sessions that were not merged, each with the reason."""
     recovered: RecoveryResult | None = None
     """New session with the readable parts of a damaged database; None for a sound database."""
 
@@ -59,13 +54,13 @@ class Repair:
         return done or (self.recovered is not None and self.recovered.is_new)
 
 
-def repair_session(folder: Path, now_utc_ns: int) -> Repair:
-    """Repair a session; a second call finds nothing left to do.
+def repair_session(folder: Path, now_utc_ns: int) -> RepairResult:
+    """Repair a session, and merge its rescue sessions into it.
 
-    A rescue session is merged into its session where that can be read; ``folder`` may be either of
-    the two. ``now_utc_ns`` dates the note in ``upkeep.jsonl``. Raises SessionError when there is no
-    session, when its engine still lives, when another process has it open, or when the disk
-    refuses.
+    ``folder``: the session, or a rescue session. With a damaged database, the readable parts are
+    saved into a new session instead. Repeating a complete repair changes nothing. ``now_utc_ns``
+    dates the note in ``upkeep.jsonl``. Raises SessionError when there is no session, when its
+    engine is running, when another process has it open, or when the disk refuses.
     """
     folder = Path(folder)
     about = _readable_about(folder)
@@ -73,7 +68,7 @@ def repair_session(folder: Path, now_utc_ns: int) -> Repair:
         raise SessionError(f"{folder} is being written, its engine lives: end the engine first")
     rescues = (folder,) if session_of_rescue(folder) is not None else rescues_of(folder)
     if _is_damaged(folder):
-        done = Repair(session=folder, recovered=recover_session(folder, now_utc_ns))
+        done = RepairResult(session=folder, recovered=recover_session(folder, now_utc_ns))
         done.unmerged = dict.fromkeys(rescues, "the session's database is damaged")
         return done
     try:
@@ -87,7 +82,7 @@ def repair_session(folder: Path, now_utc_ns: int) -> Repair:
         ) from error
 
 
-def _merge(rescues: Sequence[Path], done: Repair, now_utc_ns: int) -> None:
+def _merge(rescues: Sequence[Path], done: RepairResult, now_utc_ns: int) -> None:
     for rescue in rescues:
         try:
             done.merged.append(merge_rescue(rescue, now_utc_ns))
@@ -101,7 +96,7 @@ def _readable_about(folder: Path) -> dict[str, Any]:
     Raises SessionError where there is no session, or one that this version must not touch.
     """
     try:
-        return SessionReader(folder).about()
+        return SessionReader(folder).read_meta()
     except OtherSchemaError:
         raise
     except SessionError:
@@ -114,14 +109,14 @@ def _is_damaged(folder: Path) -> bool:
     """True where SQLite cannot read the database whole."""
     try:
         with closing(SessionReader(folder).connect()) as connection:
-            return bool(page_faults(connection))
+            return bool(find_database_faults(connection))
     except SessionError:
         return True
 
 
-def _repair(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Repair:
+def _repair(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> RepairResult:
     folder = reader.folder
-    done = Repair(session=folder)
+    done = RepairResult(session=folder)
     strays = _stray_rows(reader, done)
     is_open = about.get("is_closed") is not True
     is_split = any((folder / name).exists() for name in (WAL, JOURNAL))
@@ -149,13 +144,13 @@ def _repair(reader: SessionReader, about: dict[str, Any], now_utc_ns: int) -> Re
     return done
 
 
-def _stray_rows(reader: SessionReader, done: Repair) -> dict[str, tuple[object, ...]]:
+def _stray_rows(reader: SessionReader, done: RepairResult) -> dict[str, tuple[object, ...]]:
     """Rows for whole frames and pictures that are missing in the table ``files``, by their path."""
     with closing(reader.connect()) as connection:
         known = {tuple(row) for row in connection.execute("SELECT role, frame_id FROM files")}
     found: dict[str, tuple[object, ...]] = {}
     for path in sorted(FolderFiles(reader.folder).sizes()):
-        place = role_of(path)
+        place = parse_frame_file_path(path)
         if place is None or place in known:
             continue
         content = (reader.folder / path).read_bytes()
@@ -167,7 +162,7 @@ def _stray_rows(reader: SessionReader, done: Repair) -> dict[str, tuple[object, 
     return found
 
 
-def _remove_parts(folder: Path, done: Repair) -> None:
+def _remove_parts(folder: Path, done: RepairResult) -> None:
     for path in sorted(FolderFiles(folder).sizes()):
         if path.endswith(PART) and not path.startswith(f"{BRANCHES}/"):
             (folder / path).unlink(missing_ok=True)

@@ -12,10 +12,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from rsoconsole.base import PART, SessionError, sample_resource, sync_folder, system_errors_as
-from rsoconsole.session.files.digest import State, state_of
-from rsoconsole.session.files.session_files import folders_in, last_write_utc_ns
-from rsoconsole.session.files.upkeep_log import add_note, is_kept
+from rsoconsole.base import PART, SessionError, sample_session_folder, sync_folder, system_errors_as
+from rsoconsole.session.files.digest import State, session_state
+from rsoconsole.session.files.session_files import last_write_utc_ns, paths_in
+from rsoconsole.session.files.upkeep_log import add_note, is_prune_protected
 from rsoconsole.session.log.liveness import is_being_written
 from rsoconsole.session.log.schema import BRANCHES, DATABASE, SCHEMA_VERSION
 from rsoconsole.session.reading.reader import OtherSchemaError, SessionReader
@@ -41,8 +41,7 @@ class SessionSummary:
     records: int = 0
     size_bytes: int
     is_closed: bool = False
-    """True where closed; False: live, or cut off before its end, with every committed record there
-    all the same."""
+    """True where closed; False: live, or cut off before its end with all committed records."""
     fault: str | None = None
     """Reason why the session cannot be read (all other members are then empty); None: readable."""
     state: State = "unreadable"
@@ -52,7 +51,6 @@ class SessionSummary:
     followed_frames: int = 0
     """Number of frames with a measurement that the lead track accepted."""
     branches: tuple[str, ...] = ()
-    """Names of its what-if branches."""
     is_kept: bool = False
     """True where the session is marked as never to be pruned."""
     rescues: Path | None = None
@@ -67,7 +65,9 @@ class SessionSummary:
 
     @property
     def followed_share(self) -> float | None:
-        """Fraction, 0 to 1, of its frames with a measurement that the lead track accepted."""
+        """Fraction of the session's frames with a measurement of the lead track; None: no
+        frames.
+        """
         return self.followed_frames / self.frames if self.frames else None
 
 
@@ -92,19 +92,19 @@ def list_sessions(root: Path) -> tuple[SessionSummary, ...]:
 
     Raises SessionError when the root cannot be read.
     """
-    return tuple(summarise(folder) for folder in sorted(folders_in(root)) if _is_session(folder))
+    return tuple(summarise(folder) for folder in sorted(paths_in(root)) if _is_session(folder))
 
 
-def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
-    """Return the newest session under ``root`` if its engine died before it could close it.
+def find_cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
+    """Return the newest session under ``root`` if its engine died before closing it, or None.
 
-    None where that session was closed, or its engine still lives. ``is_simulated``: whether to look
-    at simulated or at real nights. Raises SessionError when the root cannot be read.
+    ``is_simulated``: whether simulated or real nights are searched. Raises SessionError when the
+    root cannot be read.
     """
-    folders = filter(_is_session, folders_in(root))
+    folders = filter(_is_session, paths_in(root))
     for folder in sorted(folders, key=last_write_utc_ns, reverse=True)[:MAX_SEARCHED]:
         try:
-            about = SessionReader(folder).about()
+            about = SessionReader(folder).read_meta()
         except SessionError:
             continue
         if about.get("is_simulated") is is_simulated:
@@ -114,11 +114,11 @@ def cut_off_session(root: Path, *, is_simulated: bool) -> Path | None:
 
 
 def summarise(folder: Path) -> SessionSummary:
-    """Summarise one session; for an unreadable session the summary has only the reason."""
+    """Return the summary of one session; for an unreadable one ``fault`` has the reason."""
     try:
         reader = SessionReader(folder)
         counts = reader.counts()
-        about = reader.about()
+        about = reader.read_meta()
         followed_frames = _followed_frames(reader)
     except SessionError as error:
         return SessionSummary(
@@ -126,7 +126,7 @@ def summarise(folder: Path) -> SessionSummary:
             size_bytes=size_bytes(folder),
             fault=str(error),
             state="other version" if isinstance(error, OtherSchemaError) else "unreadable",
-            is_kept=is_kept(folder),
+            is_kept=is_prune_protected(folder),
         )
     title, is_simulated = about.get("title"), about.get("is_simulated")
     rescues = about.get("rescues")
@@ -139,17 +139,17 @@ def summarise(folder: Path) -> SessionSummary:
         records=counts.records,
         size_bytes=size_bytes(folder),
         is_closed=about.get("is_closed") is True,
-        state=state_of(about),
+        state=session_state(about),
         schema=SCHEMA_VERSION,
         is_simulated=is_simulated if isinstance(is_simulated, bool) else None,
         followed_frames=followed_frames,
-        branches=branches_of(folder),
-        is_kept=is_kept(folder),
+        branches=list_branch_names(folder),
+        is_kept=is_prune_protected(folder),
         rescues=Path(rescues) if isinstance(rescues, str) else None,
     )
 
 
-def branches_of(folder: Path) -> tuple[str, ...]:
+def list_branch_names(folder: Path) -> tuple[str, ...]:
     """Return the names of the what-if branches in a session's folder, in order."""
     try:
         found = [path.name for path in (folder / BRANCHES).iterdir() if _is_session(path)]
@@ -158,10 +158,10 @@ def branches_of(folder: Path) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def remove_folder(folder: Path) -> None:
-    """Remove a session with all of its files.
+def remove_session(folder: Path) -> None:
+    """Remove a session's folder with all of its files; raise SessionError on failure.
 
-    It first vanishes from the list by a rename. Raises SessionError.
+    A rename first hides it, so that no list shows a partly removed session.
     """
     going = folder.with_name(f"{REMOVED}{folder.name}")
     with system_errors_as(SessionError, f"{folder} cannot be removed: "):
@@ -170,8 +170,8 @@ def remove_folder(folder: Path) -> None:
         sync_folder(folder.parent)
 
 
-def sweep_removed(root: Path) -> None:
-    """Finish the removals of sessions that were cut off half-way."""
+def finish_removals(root: Path) -> None:
+    """Delete the remaining files of sessions under ``root`` whose removal was interrupted."""
     for path in root.glob(f"{REMOVED}*"):
         shutil.rmtree(path, ignore_errors=True)
 
@@ -194,7 +194,7 @@ def _followed_frames(reader: SessionReader) -> int:
 
 
 def size_bytes(folder: Path) -> int:
-    """Return the disk usage of all files in the folder, bytes; files that vanish count 0."""
+    """Return the total size of all files in the folder, bytes; vanished files count 0."""
     total = 0
     for path in folder.rglob("*"):
         try:
@@ -207,17 +207,17 @@ def size_bytes(folder: Path) -> int:
 SAMPLE_NAME = "sample-intelsat-14"
 
 
-def sample_copy(root: Path) -> Path:
-    """Return a copy of the sample session under ``root``; make it where there is none.
+def get_or_copy_sample_session(root: Path) -> Path:
+    """Return the sample session's copy under ``root``; make the copy where there is none.
 
-    A copy, because branches of a session lie inside its folder. Raises SessionError.
+    Branches go into the copy, not into the installed original. Raises SessionError.
     """
     folder = root / SAMPLE_NAME
     if (folder / "session.db").exists():
         return folder
     words = f"the sample session cannot be copied to {folder} ("
     with system_errors_as(SessionError, words, "): make room there, or set session.root"):
-        source = sample_resource()
+        source = sample_session_folder()
         root.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".sample-", dir=root) as scratch:
             made = Path(scratch) / SAMPLE_NAME
@@ -230,8 +230,7 @@ def sample_copy(root: Path) -> Path:
 
 
 What: TypeAlias = Literal["frames", "previews", "all"]
-"""Files to prune: the frames · the small pictures and closeups · the session whole, its log
-included."""
+"""Files to prune: frames, small pictures and closeups, or the whole session with its log."""
 _ROLES = {"frames": ("frame",), "previews": ("preview", "closeup")}
 NS_PER_DAY = 86_400_000_000_000
 
@@ -258,11 +257,9 @@ class PruningStep:
     session: Path
     goes: bool
     why: str
-    """Reason why the session is pruned, or is not."""
     files: tuple[str, ...] = ()
     """Files to remove, by path in the session; empty where the whole session is removed."""
     bytes: int = 0
-    """Disk space that becomes free, bytes."""
 
 
 def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[PruningStep, ...]:
@@ -298,17 +295,17 @@ def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[Pr
 
 
 def prune(steps: Iterable[PruningStep], policy: PruningPolicy, now_utc_ns: int) -> None:
-    """Carry out a plan. The note of each session is on the disk before its files are removed.
+    """Remove the files or sessions that a plan of ``plan_pruning`` names.
 
-    Raises SessionError, naming the session, when the disk refuses; earlier sessions of the plan are
-    then pruned already.
+    A note is written into a session before files of it are removed. Raises SessionError, naming the
+    session, when the disk refuses; the sessions earlier in the plan have then been pruned.
     """
     for step in steps:
         if not step.goes:
             continue
         if policy.what == "all":
-            sweep_removed(step.session.parent)
-            remove_folder(step.session)
+            finish_removals(step.session.parent)
+            remove_session(step.session)
             continue
         remedy = "; see that you may write there, and prune again"
         with system_errors_as(SessionError, f"{step.session} cannot be pruned: ", remedy):

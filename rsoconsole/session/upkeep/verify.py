@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from rsoconsole.base import PART, SessionError
-from rsoconsole.session.files.digest import REPAIR, Digester, LogDigest, Verification, state_of
+from rsoconsole.session.files.digest import REPAIR, Digester, LogDigest, Verification, session_state
 from rsoconsole.session.files.session_files import (
     MANIFEST,
     FolderFiles,
@@ -19,7 +19,7 @@ from rsoconsole.session.files.session_files import (
     open_session_files,
     parse_manifest,
 )
-from rsoconsole.session.files.upkeep_log import KEEP, UPKEEP, parse_notes, pruned_on
+from rsoconsole.session.files.upkeep_log import KEEP, UPKEEP, parse_notes, pruning_times
 from rsoconsole.session.log.codec import KINDS, decode
 from rsoconsole.session.log.database import LOG_ROWS
 from rsoconsole.session.log.schema import (
@@ -64,7 +64,7 @@ class FilesCheck:
 
         Raises OSError.
         """
-        pruned = pruned_on(parse_notes(self._read(UPKEEP)))
+        pruned = pruning_times(parse_notes(self._read(UPKEEP)))
         gone: dict[str, int] = {}
         for path, size_bytes, sha256 in self._rows:
             if path in self._sizes:
@@ -72,7 +72,7 @@ class FilesCheck:
             elif path in pruned:
                 gone[pruned[path]] = gone.get(pruned[path], 0) + 1
             elif self._found.state != "live":
-                self._found.damage(path, "the file is not there")
+                self._found.add_damage(path, "the file is not there")
         for t_utc, number in gone.items():
             self._found.add_remark("files", f"{number} were pruned on {t_utc}")
         manifest = parse_manifest(self._read(MANIFEST).decode("utf-8", errors="replace"))
@@ -87,14 +87,14 @@ class FilesCheck:
         self._found.files += 1
         try:
             if sha256 is None:
-                self._found.damage(path, "no hash of it is on record")
+                self._found.add_damage(path, "no hash of it is on record")
             elif hash_of(self._session_files, path, self._count) != sha256:
                 what = f"{size} bytes, not the {size_bytes} that were written"
                 if size_bytes is None or size_bytes == size:
                     what = "its bytes are not those that were written"
-                self._found.damage(path, what)
+                self._found.add_damage(path, what)
         except OSError as error:
-            self._found.damage(path, f"cannot be read: {error.strerror or error}")
+            self._found.add_damage(path, f"cannot be read: {error.strerror or error}")
 
     def _judge_stray(self, path: str) -> None:
         is_closed = self._found.state == "closed"
@@ -122,9 +122,9 @@ class FilesCheck:
             if not (is_archive or path == DATABASE):
                 continue
             if path not in self._sizes:
-                self._found.damage(path, "the archive's list names it; it is not there")
+                self._found.add_damage(path, "the archive's list names it; it is not there")
             elif hash_of(self._session_files, path) != manifest[path]:
-                self._found.damage(path, "its bytes are not those that were archived")
+                self._found.add_damage(path, "its bytes are not those that were archived")
         if is_archive and not manifest:
             self._found.add_remark(MANIFEST, "the archive has no list of hashes")
 
@@ -147,10 +147,10 @@ SELECT path, bytes, sha256 FROM files WHERE path IS NOT NULL ORDER BY role = 'fr
 
 
 def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = None) -> Verification:
-    """Check everything in a session's folder or in its archive (.tar).
+    """Check everything in a session's folder or in its archive (.tar); return the findings.
 
-    ``on_bytes`` is called with (bytes read so far, bytes in all) of the files. A damaged session is
-    a result; raises SessionError where there is no session, or where another version wrote it.
+    ``on_bytes`` is called with (bytes read so far, bytes in all). Damage is reported in the
+    findings. Raises SessionError where there is no session, or where another version wrote it.
     """
     place = Path(place)
     if not (place.is_file() or (place / DATABASE).is_file()):
@@ -162,11 +162,11 @@ def verify_session(place: Path, on_bytes: Callable[[int, int], None] | None = No
             try:
                 FilesCheck(session_files, found, rows, on_bytes).run()
             except OSError as error:
-                found.damage(str(place), f"cannot be read: {error}", "check the disk")
+                found.add_damage(str(place), f"cannot be read: {error}", "check the disk")
     return found
 
 
-def page_faults(connection: sqlite3.Connection) -> list[str]:
+def find_database_faults(connection: sqlite3.Connection) -> list[str]:
     """Return the faults that SQLite's own check finds in the database; [] for none."""
     try:
         words = [str(row[0]) for row in connection.execute("PRAGMA integrity_check(20)")]
@@ -179,22 +179,22 @@ def _verify_database(session_files: SessionFiles, found: Verification) -> list[F
     """Check the database; return the files that it names, None when it cannot be read."""
     try:
         reader = SessionReader(session_files.folder())
-        about = reader.about()
+        about = reader.read_meta()
     except OtherSchemaError:
         raise
     except SessionError as error:
-        found.damage(DATABASE, str(error), REPAIR)
+        found.add_damage(DATABASE, str(error), REPAIR)
         return None
     found.schema = SCHEMA_VERSION
-    found.state = state_of(about)
+    found.state = session_state(about)
     try:
         with closing(reader.connect()) as connection:
-            for words in page_faults(connection)[:_MAX_SQLITE_WORDS]:
-                found.damage(DATABASE, f"SQLite: {' '.join(words.split())}", REPAIR)
+            for words in find_database_faults(connection)[:_MAX_SQLITE_WORDS]:
+                found.add_damage(DATABASE, f"SQLite: {' '.join(words.split())}", REPAIR)
             _verify_log(connection, found, LogDigest.from_meta(about))
             rows: list[FileRow] = connection.execute(_FILE_ROWS).fetchall()
     except (SessionError, sqlite3.Error) as error:
-        found.damage(DATABASE, f"the table of files cannot be read: {error}", REPAIR)
+        found.add_damage(DATABASE, f"the table of files cannot be read: {error}", REPAIR)
         return None
     if found.state == "cut off":
         what = "its engine ended without closing it; every acknowledged record is there"
@@ -221,9 +221,9 @@ def _verify_log(
             try:
                 decode(kind, body)
             except SessionError as error:
-                found.damage(f"record {seq}", str(error))
+                found.add_damage(f"record {seq}", str(error))
     except sqlite3.Error as error:
-        found.damage(f"record {expected}", f"the log breaks off here: {error}", REPAIR)
+        found.add_damage(f"record {expected}", f"the log breaks off here: {error}", REPAIR)
     digest = digester.result()
     found.records = digest.records
     _judge_digest(found, digest, recorded)
@@ -238,7 +238,7 @@ def _judge_digest(found: Verification, digest: LogDigest, recorded: LogDigest | 
         return
     found.digest = "confirmed" if digest == recorded else "differs"
     if digest != recorded:
-        found.damage(
+        found.add_damage(
             "log",
             f"it is not the log that was closed: {digest.records} records with the digest "
             f"{digest.sha256[:12]}, where {recorded.records} with {recorded.sha256[:12]} were",
@@ -251,4 +251,4 @@ def _judge_gaps(found: Verification, gaps: Iterable[tuple[int, int]]) -> None:
         if found.digest == "confirmed":
             found.add_remark(which, "not in the log, nor when the session was closed")
         else:
-            found.damage(which, "missing in the order of the log")
+            found.add_damage(which, "missing in the order of the log")

@@ -28,7 +28,7 @@ from rsoconsole.session.log.database import (
     transaction,
 )
 from rsoconsole.session.log.schema import DATABASE
-from rsoconsole.session.writing.worker import Faults
+from rsoconsole.session.writing.worker import RecordingFaults
 
 Statement = tuple[str, tuple[object, ...]]
 MIN_BYTES = 200_000_000
@@ -38,9 +38,9 @@ _TABLES = ((LOG_ROWS, INSERT_RECORD), (FILE_ROWS, INSERT_FILE))
 
 
 def rescue_places() -> Iterator[Path]:
-    """Yield the folders where a rescue session may be made, in order of preference.
+    """Yield the folders in which a rescue session may be made, in order of preference.
 
-    Where every disk is full, none of these may work.
+    They need not exist, nor have free disk.
     """
     yield state_dir() / "rescue"
     with contextlib.suppress(OSError):  # it tries to write there
@@ -49,10 +49,10 @@ def rescue_places() -> Iterator[Path]:
         yield Path.home() / "rsoconsole-rescue"
 
 
-class Rescue:
-    """A session elsewhere that takes over when the disk of the session fails.
+class RescueSession:
+    """Rescue session: a session in another folder, written when the session's own disk fails.
 
-    Nothing of it is created before it is needed.
+    Its files are created only when they are needed.
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class Rescue:
         return True
 
     def discard(self) -> None:
-        """Remove the rescue session, when the session itself has every record."""
+        """Remove the rescue session, because the session itself now has every record."""
         self.close()
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
@@ -157,10 +157,10 @@ MAX_WAITING = 500_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeptFile:
-    """A row of ``files``, with its columns in order: a file beside the log.
+class SessionFileRow:
+    """A row of the database's table ``files``, which lists the files beside the log.
 
-    ``path`` None: the file is missing, and ``reason`` says why.
+    The fields are the columns in order. ``path`` None: the file is missing; ``reason`` says why.
     """
 
     frame_id: int
@@ -172,7 +172,7 @@ class KeptFile:
     sha256: str | None = None
 
 
-_Entry = tuple[int, int, Record] | KeptFile
+_Entry = tuple[int, int, Record] | SessionFileRow
 
 
 class LogWriter:
@@ -182,14 +182,13 @@ class LogWriter:
     Where the log was removed or damaged, all further records go into the rescue session.
     """
 
-    def __init__(self, path: Path, faults: Faults, rescue: Rescue) -> None:
+    def __init__(self, path: Path, faults: RecordingFaults, rescue: RescueSession) -> None:
         self._path = path
         self._place = LogFileWatch(path)
         self._rescue = rescue
         self._rescued = 0
         """Number of the oldest unwritten statements that are in the rescue session already."""
         self._is_lost = False
-        """True once the log's own place is given up."""
         self._damage = ""
         self._has_taken_over = False
         """True once the rescue session has all that could still be read of the lost log."""
@@ -211,20 +210,20 @@ class LogWriter:
 
     @property
     def path(self) -> Path:
-        """Path of the database with the whole night; the rescue session's where the log is lost."""
+        """Path of the database that has all records: the rescue session's once the log is lost."""
         folder = self._rescue.folder if self._has_taken_over else None
         return self._path if folder is None else folder / DATABASE
 
-    def put(self, record: Record, t_utc_ns: int) -> int:
-        """Accept a record; return its ``seq``, the place in the log."""
+    def add_record(self, record: Record, t_utc_ns: int) -> int:
+        """Queue a record for writing; return its ``seq``, its number in the log."""
         with self._lock:
             seq = self._next_seq
             self._next_seq += 1
             self._take((seq, t_utc_ns, record))
         return seq
 
-    def put_file(self, file: KeptFile) -> None:
-        """Accept a row of the table ``files``."""
+    def add_file_row(self, file: SessionFileRow) -> None:
+        """Queue a row of the database's table ``files`` for writing."""
         with self._lock:
             self._take(file)
 
@@ -258,7 +257,7 @@ class LogWriter:
             return self._progress.wait_for(lambda: self._committed >= goal, timeout_s)
 
     def close(self, timeout_s: float) -> bool:
-        """Commit the rest and close the database; return False where some record is not in it."""
+        """Commit all queued records and close the database; return False if it lacks any."""
         is_flushed = self._is_durable(timeout_s)
         with self._lock:
             self._is_closing = True
@@ -358,7 +357,7 @@ class LogWriter:
 
     def _check_log_file(self) -> bool:
         """Check that the log is still in its place; SQLite does not notice when it is not."""
-        damage = self._place.damage(self._has_all)
+        damage = self._place.find_damage(self._has_all)
         if damage is None:
             return True
         self._is_lost, self._damage = True, damage
@@ -395,7 +394,7 @@ class LogWriter:
         return bool(found == newest)
 
     def _statement(self, entry: _Entry) -> Statement:
-        if isinstance(entry, KeptFile):
+        if isinstance(entry, SessionFileRow):
             return INSERT_FILE, astuple(entry)
         seq, t_utc_ns, record = entry
         try:

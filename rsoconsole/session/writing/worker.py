@@ -89,8 +89,8 @@ _GIVEN_UP = ("frame", "closeup", "preview")
 """Kinds of lost files that do not harm the night, the gravest first."""
 
 
-class Faults:
-    """Present faults of the record, one for each place; each is announced when it appears."""
+class RecordingFaults:
+    """Present faults of the recording, one text for each place; announces each new fault."""
 
     def __init__(self, on_fault: Callable[[str], None] | None) -> None:
         self._on_fault = on_fault
@@ -98,7 +98,7 @@ class Faults:
         self._lock = threading.Lock()
 
     def report(self, place: str, text: str) -> None:
-        """Set the fault at ``place``; ``on_fault`` is called where the place had none before."""
+        """Set the fault at ``place``, and call ``on_fault`` if this place had no fault before."""
         with self._lock:
             is_new = place not in self._texts
             self._texts[place] = text
@@ -115,9 +115,9 @@ class Faults:
             self._texts.pop(place, None)
 
     def texts(self) -> tuple[str, ...]:
-        """Return the texts of all present faults.
+        """Return the texts of all present faults, those that lose records first.
 
-        Faults that harm the night come before pictures that are given up.
+        Faults that lose only frames or pictures come last.
         """
         with self._lock:
             present = dict(self._texts)

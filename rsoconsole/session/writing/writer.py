@@ -1,7 +1,7 @@
 """Writes a live session: records, frames and previews.
 
-Nothing here waits for a disk, or raises because of one: the telescope continues, and ``faults``
-states what the record lacks.
+Recording never waits for a disk, nor raises because of a disk: the telescope continues, and
+``faults`` states which parts of the record are missing.
 """
 
 import contextlib
@@ -26,14 +26,13 @@ from rsoconsole.session.log.codec import to_json_value
 from rsoconsole.session.log.database import connect_to_write, lay_out_session, merge_wal
 from rsoconsole.session.log.liveness import META_KEY as WRITER_KEY
 from rsoconsole.session.log.liveness import writer_identity
-from rsoconsole.session.log.schema import DATABASE, SCHEMA_VERSION, file_name
-from rsoconsole.session.writing.log_writer import KeptFile, LogWriter, Rescue
-from rsoconsole.session.writing.worker import BoundedWorker, Faults
+from rsoconsole.session.log.schema import DATABASE, SCHEMA_VERSION, frame_file_path
+from rsoconsole.session.writing.log_writer import LogWriter, RescueSession, SessionFileRow
+from rsoconsole.session.writing.worker import BoundedWorker, RecordingFaults
 
 MAX_FRAMES_WAITING = 3
 MAX_PREVIEWS_WAITING = 64
-"""Largest number of waiting pictures of 0.3 MB: the writer waits for the disk with each, and they
-come in bursts."""
+"""Largest number of waiting pictures, 0.3 MB each."""
 LAST_KEPT = 12
 """Number of latest frames kept by ``session.keep_frames = last``: 0.2 GB at 16 Mpx."""
 NOT_AMONG_LAST = f"of the last {LAST_KEPT} frames alone the pixels are kept (session.keep_frames)"
@@ -79,7 +78,7 @@ class SessionWriter:
                 f"no session can be begun in {folder}: {error}; "
                 "free some disk or name another folder with --session"
             ) from error
-        rescue = Rescue(folder, facts, config_toml)
+        rescue = RescueSession(folder, facts, config_toml)
         keeps_last = LAST_KEPT if config.session.keep_frames == "last" else None
         return cls(folder, on_fault, reserve_bytes, rescue, keeps_last)
 
@@ -88,7 +87,7 @@ class SessionWriter:
         folder: Path,
         on_fault: Callable[[str], None] | None,
         reserve_bytes: int,
-        rescue: Rescue,
+        rescue: RescueSession,
         keeps_last: int | None = None,
     ) -> None:
         self.folder = folder
@@ -96,9 +95,8 @@ class SessionWriter:
         self._kept_frames: deque[int] = deque()
         """Numbers of the frames with pixels, where only the last ones are kept."""
         self._going: list[Path] = []
-        """Files without a row, to be removed."""
         self._reserve_bytes = reserve_bytes
-        self._faults = Faults(on_fault)
+        self._faults = RecordingFaults(on_fault)
         self._is_closed = False
         self._log = LogWriter(folder / DATABASE, self._faults, rescue)
         self._frames = BoundedWorker("session-frames", MAX_FRAMES_WAITING)
@@ -114,7 +112,7 @@ class SessionWriter:
 
         Mappings inside the record must not be changed afterwards.
         """
-        return self._log.put(record, t_utc_ns)
+        return self._log.add_record(record, t_utc_ns)
 
     def save_frame(self, frame: Frame) -> bool:
         """Save a frame's pixels, compressed without loss, on another thread.
@@ -132,9 +130,9 @@ class SessionWriter:
         return self._save(self._previews, frame_id, "preview", lambda: encode_preview(picture))
 
     def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
-        """Save a part of the frame at full resolution as PNG; the record ``Closeup`` says which.
+        """Save a part of the frame at full resolution as PNG; the record ``Closeup`` locates it.
 
-        Returns False when it is not saved because too many wait.
+        Returns False when the picture is not saved because too many wait.
         """
         return self._save(self._previews, frame_id, "closeup", lambda: encode_preview(picture))
 
@@ -177,7 +175,7 @@ class SessionWriter:
 
     def _keep(self, frame_id: int, role: str, encode: Callable[[], bytes]) -> None:
         """Encode and write one file, on a worker's thread. Raises OSError."""
-        path = self.folder / file_name(role, frame_id)
+        path = self.folder / frame_file_path(role, frame_id)
         if role == "frame":
             free_bytes = shutil.disk_usage(self.folder).free
             if free_bytes < self._reserve_bytes:
@@ -186,8 +184,8 @@ class SessionWriter:
         content = encode()
         write_durably(path, content)
         self._faults.clear(role)
-        self._log.put_file(
-            KeptFile(
+        self._log.add_file_row(
+            SessionFileRow(
                 frame_id=frame_id,
                 role=role,
                 path=str(path.relative_to(self.folder)),
@@ -211,7 +209,7 @@ class SessionWriter:
         while len(self._kept_frames) > keeps:
             oldest = self._kept_frames.popleft()
             self._put_absent(oldest, "frame", NOT_AMONG_LAST)
-            self._going.append(self.folder / file_name("frame", oldest))
+            self._going.append(self.folder / frame_file_path("frame", oldest))
 
     def _give_up(self, frame_id: int, role: str, reason: str) -> None:
         if role != "frame" or self._keeps_last is None:  # of those none is missed
@@ -219,7 +217,7 @@ class SessionWriter:
         self._put_absent(frame_id, role, reason)
 
     def _put_absent(self, frame_id: int, role: str, reason: str) -> None:
-        self._log.put_file(KeptFile(frame_id=frame_id, role=role, reason=reason))
+        self._log.add_file_row(SessionFileRow(frame_id=frame_id, role=role, reason=reason))
 
 
 def _reason(error: BaseException) -> str:
@@ -240,7 +238,7 @@ def _make_folder(folder: Path) -> None:
 
 
 class BatchRecording:
-    """Writes the records of ``process`` into a new session; without a folder it does nothing."""
+    """Recording of the command ``process`` into a new session; without a folder, no recording."""
 
     def __init__(
         self, folder: Path | None, config: Config, model_sha256: str, **about: Any

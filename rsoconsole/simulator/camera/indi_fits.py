@@ -61,10 +61,10 @@ _STREAM = 37
 Fate = Literal["delivered", "late", "failed", "dropped"]
 
 
-def frame_fate(world: FramesWorld, seed: int, t_start_utc_ns: int) -> Fate:
-    """What becomes of the frame whose exposure begins at this instant, at the world's rates.
+def draw_frame_delivery(world: FramesWorld, seed: int, t_start_utc_ns: int) -> Fate:
+    """Draw how a frame is delivered: delivered, late, failed or dropped, at the world's rates.
 
-    Fixed by the seed and the instant.
+    The result depends only on the seed and on ``t_start_utc_ns``, the start of the exposure.
     """
     rates: tuple[tuple[Fate, float], ...] = (
         ("dropped", world.dropped_rate),

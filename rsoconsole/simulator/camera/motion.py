@@ -39,13 +39,13 @@ class ImageMotion:
         """Variance of the displacement over the exposure, mean of both axes."""
         return float(0.5 * (np.var(self.dx_px) + np.var(self.dy_px)))
 
-    def moved(
+    def displace_points(
         self, share: FloatArray, x_px: FloatArray, y_px: FloatArray, centre_px: tuple[float, float]
     ) -> tuple[FloatArray, FloatArray]:
-        """Pixels x, y (n,) of points of the still image, displaced by the motion.
+        """Return the pixels x, y (n,) to which the motion displaces points of the still image.
 
-        ``share``: (n,) fraction of the exposure that has passed at each point, 0 to 1.
-        ``centre_px``: the middle of the frame, about which the image turns.
+        ``share``: (n,) elapsed fraction of the exposure at each point, 0 to 1. ``centre_px``:
+        middle of the frame, about which the image rotates.
         """
         nodes = np.linspace(0.0, 1.0, len(self.dx_px))
         turn = np.interp(share, nodes, self.turn_rad)
@@ -54,12 +54,12 @@ class ImageMotion:
         y = centre_px[1] + rx * np.sin(turn) + ry * np.cos(turn)
         return x + np.interp(share, nodes, self.dx_px), y + np.interp(share, nodes, self.dy_px)
 
-    def stands(self, disc_sigma_px: float, reach_px: float) -> FloatArray:
-        """Positions of the image during the exposure, (4, n).
+    def positions_with_dwell(self, disc_sigma_px: float, reach_px: float) -> FloatArray:
+        """Return the image's positions during the exposure, with the time spent there, (4, n).
 
-        Rows: dx and dy (px), turn (rad), fraction of the exposure spent there. Positions that the
-        seeing disc does not resolve are merged. ``reach_px``: distance from the middle of the frame
-        to its corner, where a turn moves the image most.
+        Rows: dx and dy (px), rotation (rad), fraction of the exposure. Positions that a seeing disc
+        of ``disc_sigma_px`` does not resolve are merged. ``reach_px``: distance from the frame's
+        middle to its corner, where a rotation moves the image most.
         """
         share = np.full(len(self.dx_px), 1.0)
         share[[0, -1]] = 0.5
@@ -87,11 +87,12 @@ def image_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, when, 
     east_px: FloatArray,
     mount_px: FloatArray | None = None,
 ) -> tuple[ImageMotion, FloatArray] | None:
-    """Motion of one exposure about its mean, and the mean (dx, dy); None for a still image.
+    """Return the image's motion about its mean in one exposure, and that mean (dx, dy) in px.
 
-    ``since_night_s``: seconds from the night's start to the exposure's. ``east_px``: (2,) unit
-    vector towards east in pixels. ``mount_px``: (2, k) displacement of the image by the mount's own
-    unrest, at equal steps of time; None: none.
+    None for a still image. ``since_night_s``: seconds from the night's start to the exposure's.
+    ``east_px``: (2,) unit vector towards east in pixels. ``mount_px``: (2, k) displacement of the
+    image by creep and jumps of the mount, px, at equal steps of time; None: no such
+    displacement.
     """
     stars, seeing = world.stars, world.seeing
     is_moving = stars.drift_px or stars.periodic_arcsec or world.wind.rms_px

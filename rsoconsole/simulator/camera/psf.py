@@ -17,8 +17,7 @@ Float32Array = npt.NDArray[np.float32]
 
 FWHM_PER_SIGMA = 2.3548200450309493
 WINGS = ((0.875, 1.0), (0.105, 2.2), (0.016, 6.0), (0.004, 20.0))
-"""Share of the light and width, in units of the core's sigma, of each Gaussian: close to a Moffat
-disc of beta 3.5 to ten times its width, with a faint aureole."""
+"""Share of light, and width in core sigmas, of Gaussians: close to a Moffat disc of beta 3.5."""
 
 FAINTEST_E = 0.04
 """Electrons in a pixel below which the light of a point source is not drawn."""
@@ -145,12 +144,12 @@ def annulus(radius_px: float, obstruction: float = 0.45) -> Float32Array:
     return np.asarray(ring / ring.sum(), dtype=np.float32)
 
 
-def smear(stands: FloatArray) -> Float32Array:
-    """Convolution kernel of an image that moved during the exposure: square, odd side, unit sum.
+def image_motion_kernel(stands: FloatArray) -> Float32Array:
+    """Return the convolution kernel of an image's motion: square, odd side, unit sum.
 
-    ``stands``: (4, n) positions as in ``FieldContent.stands``; their turn is ignored. A position
-    between pixels is spread over 4 x 4 of them by the cubic weights of Keys (1981, a = -1/2), which
-    keep the mean and the width of the path.
+    ``stands``: (4, n) positions as in ``FieldContent.stands``; their rotation is ignored. A
+    position between pixels is spread over 4 x 4 pixels by the cubic weights of Keys (1981, a =
+    -1/2), which keep the mean and the width of the path.
     """
     dx, dy, _, share = stands
     reach = int(np.ceil(np.abs([dx, dy]).max())) + 2
@@ -173,11 +172,11 @@ def _keys(offset: FloatArray) -> FloatArray:
     return np.where(at <= 1.0, near, np.where(at < 2.0, far, 0.0))
 
 
-def distorted(wcs: Wcs, share: float) -> Wcs:
-    """The plate with a radial distortion that grows with the radius cubed; 0: unchanged.
+def with_radial_distortion(wcs: Wcs, share: float) -> Wcs:
+    """Return the plate with a radial distortion proportional to the radius cubed.
 
-    ``share``: displacement of a corner outwards, as a fraction of its distance from the centre. It
-    is stored as third-order SIP, so that a solver that fits SIP can find it exactly.
+    ``share``: outward displacement of a corner, as a fraction of its distance from the centre. The
+    distortion is third-order SIP, so that a SIP fit can match it exactly.
     """
     if share == 0.0:
         return wcs
@@ -188,7 +187,7 @@ def distorted(wcs: Wcs, share: float) -> Wcs:
     )
 
 
-def shifted(wcs: Wcs, image_shift_px: FloatArray) -> Wcs:
+def with_shifted_image(wcs: Wcs, image_shift_px: FloatArray) -> Wcs:
     """The plate after the whole image has moved by (dx, dy) px: its central direction changes."""
     ra, dec = pixel_to_sky(
         wcs, wcs.crpix_x_px - image_shift_px[0], wcs.crpix_y_px - image_shift_px[1]
@@ -197,9 +196,9 @@ def shifted(wcs: Wcs, image_shift_px: FloatArray) -> Wcs:
 
 
 def image_shift_px(wcs: Wcs, east_arcsec: FloatArray, north_arcsec: FloatArray) -> FloatArray:
-    """Shift of the image in pixels, (2, n): dx and dy, when the boresight moves east and north.
+    """Return the image's shift (dx, dy), (2, n) px, for a boresight that moves on the sky.
 
-    ``east_arcsec``, ``north_arcsec``: (n,) the boresight's motion on the sky.
+    ``east_arcsec``, ``north_arcsec``: (n,) motion of the boresight.
     """
     ra, dec = wcs.crval_ra_deg, wcs.crval_dec_deg
     north_deg = np.asarray(north_arcsec) / 3600.0
@@ -208,7 +207,7 @@ def image_shift_px(wcs: Wcs, east_arcsec: FloatArray, north_arcsec: FloatArray) 
     return np.stack([wcs.crpix_x_px - x, wcs.crpix_y_px - y])
 
 
-def east_px(wcs: Wcs) -> FloatArray:
+def east_unit_vector_px(wcs: Wcs) -> FloatArray:
     """Unit vector (dx, dy) that points east in the middle of the frame, (2,)."""
     moved = image_shift_px(wcs, np.array([30.0]), np.array([0.0]))[:, 0]
     return np.asarray(-moved / np.hypot(*moved), dtype=np.float64)

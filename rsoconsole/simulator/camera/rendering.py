@@ -12,13 +12,19 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA, add_points, add_sources, annulus, smear
+from rsoconsole.simulator.camera.psf import (
+    FWHM_PER_SIGMA,
+    add_points,
+    add_sources,
+    annulus,
+    image_motion_kernel,
+)
 from rsoconsole.simulator.camera.sensor import (
     SensorModel,
     amplifier_glow,
+    apply_blooming,
     flat_field,
     pixel_defects,
-    spill_over,
 )
 
 Float32Array = npt.NDArray[np.float32]
@@ -36,7 +42,7 @@ _EMPTY: FloatArray = np.zeros(0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Streak:
-    """A source that moves during the exposure."""
+    """A moving source's path in pixels and its brightness during one exposure."""
 
     x_px: FloatArray
     """Places, (n >= 2,), at equal steps of time from opening to closing; straight in between."""
@@ -89,15 +95,13 @@ class FieldContent:
     star_path_px: FloatArray | None = None
     """Displacement of all stars, x and y (2, m >= 2), at equal steps of time; None: still."""
     stands: FloatArray | None = None
-    """Places of the whole image, (4, n): dx, dy (px), turn about the middle (rad), share of the
-    time. Stars are drawn by it; streaks carry it in their places. None: it stood still."""
+    """Places of the image, (4, n): dx, dy (px), turn (rad), time share; None: it stood still."""
     streaks: tuple[Streak, ...] = ()
     cloud_transmission: Float32Array | None = None
     """Transmission of clouds, 0 to 1: a coarse map (rows, columns) of the frame; None: clear."""
     cloud_glow: float = 0.35
     """Brightness that an opaque cloud adds to the sky, as a fraction of the clear sky's."""
     cosmic_rays: float = 0.0
-    """Expected number of cosmic-ray tracks in the frame."""
     cosmic_ray_sigma_px: tuple[float, float] = (0.28, 0.28)
     """Sigma of the narrowest and the widest track; in a thick sensor they are as wide as stars."""
     cosmic_ray_stretch: float = 1.0
@@ -117,7 +121,7 @@ def render(sensor: SensorModel, content: FieldContent, rng: np.random.Generator)
     mean_e = expected_electrons(sensor, content)
     _add_cosmic_rays(mean_e, content, rng)
     if sensor.blooming > 0.0:
-        spill_over(mean_e, sensor.full_well_e, sensor.blooming)
+        apply_blooming(mean_e, sensor.full_well_e, sensor.blooming)
     return _read_out(sensor, mean_e, _pattern(sensor, content), rng)
 
 
@@ -131,7 +135,7 @@ def expected_electrons(sensor: SensorModel, content: FieldContent) -> Float32Arr
     image_e = _sky(sensor, content)
     x, y = content.star_x_px, content.star_y_px
     # A star's light is dimmed where it lands; the pixels' own response comes with the flat.
-    electrons = content.star_electrons * cloud_at(sensor, content.cloud_transmission, x, y)
+    electrons = content.star_electrons * transmission_at(sensor, content.cloud_transmission, x, y)
     if content.star_path_px is not None:
         x, y, electrons = _wandering(x, y, electrons, content.star_path_px)
     if content.stands is None:
@@ -174,7 +178,7 @@ def streak_points(
     if streak.brightness is not None:
         shape = np.asarray(streak.brightness, dtype=np.float64)
         electrons *= np.interp(time, np.linspace(0.0, 1.0, len(shape)), shape)
-    electrons *= cloud_at(sensor, content.cloud_transmission, x, y)
+    electrons *= transmission_at(sensor, content.cloud_transmission, x, y)
     return x, y, electrons
 
 
@@ -208,7 +212,7 @@ def _add_shaken(
 ) -> None:
     """Add stars that all moved alike: drawn once, on a wider frame, and smeared along the way."""
     assert content.stands is not None
-    kernel = smear(content.stands)
+    kernel = image_motion_kernel(content.stands)
     reach = kernel.shape[0] // 2
     height, width = image_e.shape
     still = np.zeros((height + 2 * reach, width + 2 * reach), dtype=np.float32)
@@ -236,10 +240,10 @@ def _spread(
     )
 
 
-def cloud_at(
+def transmission_at(
     sensor: SensorModel, transmission: Float32Array | None, x_px: FloatArray, y_px: FloatArray
 ) -> FloatArray:
-    """Transmission of the clouds at these pixels, (n,); outside the frame the value at its edge."""
+    """Return the clouds' transmission (n,) at pixels; off the frame, at its nearest edge."""
     x, y = np.asarray(x_px, dtype=np.float64), np.asarray(y_px, dtype=np.float64)
     if transmission is None:
         return np.ones(len(x))
@@ -314,7 +318,7 @@ def _read_out(
     pixels = np.empty((height, width), dtype=np.uint16)
     normal = np.empty((min(_ROWS_AT_ONCE, height), width), dtype=np.float32)
     read_variance = np.float32(sensor.read_noise_e**2)
-    ceiling = np.float32(sensor.ceiling_adu12)
+    ceiling = np.float32(sensor.largest_value_adu12)
     for top in range(0, height, _ROWS_AT_ONCE):
         mean = mean_e[top : top + _ROWS_AT_ONCE]
         noise = normal[: len(mean)]

@@ -73,20 +73,20 @@ class SensorModel:
         return 206.264806 * self.pixel_um / self.focal_length_mm
 
     @property
-    def mean_response(self) -> float:
+    def mean_filter_transmission(self) -> float:
         """Mean fraction of light transmitted by a colour mosaic's filters; 1 without a mosaic."""
         return sum(MOSAIC_RGGB) / 4.0 if self.is_bayer else 1.0
 
     @property
-    def ceiling_adu12(self) -> float:
-        """Largest value of a pixel before the shift: the converter's limit or a full well's."""
+    def largest_value_adu12(self) -> float:
+        """Largest converter output, before the shift to 16 bits: its limit or the full well."""
         full_well_adu12 = self.offset_adu12 + self.full_well_e / self.e_per_adu12
         return min(2.0**self.adc_bits - 1.0, full_well_adu12)
 
     @property
     def saturation_adu(self) -> float:
         """Stored value of a saturated pixel."""
-        return float(int(self.ceiling_adu12) << self.stored_shift_bits)
+        return float(int(self.largest_value_adu12) << self.stored_shift_bits)
 
     def electrons(
         self, magnitude: float | npt.NDArray[np.floating], exposure_s: float
@@ -111,7 +111,7 @@ def _defect_rng(sensor: SensorModel, purpose: int) -> np.random.Generator:
 
 @lru_cache(maxsize=8)
 def pixel_defects(sensor: SensorModel) -> PixelDefects:
-    """Hot pixels and bad columns of this copy of the sensor; equal models have equal defects."""
+    """Return the hot pixels and bad columns of a sensor; equal models have equal defects."""
     rng = _defect_rng(sensor, 1)
     total = sensor.width_px * sensor.height_px
     count = int(rng.binomial(total, sensor.hot_fraction))
@@ -172,8 +172,8 @@ def amplifier_glow(sensor: SensorModel) -> Float32Array:
     return glow
 
 
-def spill_over(image_e: Float32Array, full_well_e: float, share: float) -> None:
-    """Move a fraction of the charge above the full well along its column, both ways, in place.
+def apply_blooming(image_e: Float32Array, full_well_e: float, share: float) -> None:
+    """Move a fraction of the charge above the full well up and down its column, in place.
 
     ``share``: that fraction, ``SensorModel.blooming``.
     """
@@ -210,11 +210,11 @@ def catalogue_errors_arcsec(
     return (sigma_arcsec * radius * np.cos(angle), sigma_arcsec * radius * np.sin(angle))
 
 
-def air_sigma_arcsec(exposure_s: float) -> float:
-    """One sigma, on each axis, of the atmosphere's shift between directions half a degree apart.
+def atmospheric_shift_sigma_arcsec(exposure_s: float) -> float:
+    """Return one sigma, per axis, of the air's shift of one direction relative to another.
 
-    1.3 arcsec theta^0.25 T^-0.5 with theta in radians and the exposure T in seconds.
-    Source: Lindegren 1980.
+    For directions half a degree apart: 1.3 arcsec theta^0.25 T^-0.5, theta in radians, exposure T
+    in seconds. Source: Lindegren 1980.
     """
     return float(1.3 * math.radians(0.5) ** 0.25 / math.sqrt(max(exposure_s, 0.01)))
 

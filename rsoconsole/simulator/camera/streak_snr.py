@@ -6,7 +6,12 @@ import cv2
 import numpy as np
 
 from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA, Float32Array, add_sources, annulus
-from rsoconsole.simulator.camera.rendering import FieldContent, Streak, cloud_at, streak_points
+from rsoconsole.simulator.camera.rendering import (
+    FieldContent,
+    Streak,
+    streak_points,
+    transmission_at,
+)
 from rsoconsole.simulator.camera.sensor import SensorModel, flat_field
 
 _REACH_SIGMAS = 14.0
@@ -15,11 +20,11 @@ _FAINTEST_E = 0.004
 
 
 def integrated_snr(sensor: SensorModel, content: FieldContent, streak: Streak) -> float:
-    """Expected value of sum(model x data / variance) / sqrt(sum(model^2 / variance)).
+    """Return the integrated SNR: sum(model x data / variance) / sqrt(sum(model^2 / variance)).
 
-    The model is what the renderer draws of the streak on the sensor's pixels. The variance is that
-    of sky, stars, dark current, read-out and the streak itself; hot pixels are left out.
-    ``streak``: its electrons are those after the air's extinction; clouds are applied here.
+    Its expected value, with the streak as the renderer draws it as the model. The variance is that
+    of sky, stars, dark current, read-out and the streak itself, without hot pixels. ``streak``:
+    with the extinction of the air, without clouds, which are applied here.
     """
     box = _box(sensor, content, streak)
     if box is None or streak.electrons <= 0.0:
@@ -68,7 +73,7 @@ def _sky_and_stars(
     left, top, right, bottom = box
     shape = (bottom - top, right - left)
     middle = np.array([(left + right) / 2.0]), np.array([(top + bottom) / 2.0])
-    clouds = float(cloud_at(sensor, content.cloud_transmission, *middle)[0])
+    clouds = float(transmission_at(sensor, content.cloud_transmission, *middle)[0])
     glow = 1.0 + content.cloud_glow * (1.0 - clouds)
     slope = content.sky_gradient[0] * (
         float(middle[0][0]) / sensor.width_px - 0.5
@@ -80,6 +85,8 @@ def _sky_and_stars(
     near &= (y > top - reach_px) & (y < bottom + reach_px)
     if np.any(near):
         x, y = x[near], y[near]
-        light = content.star_electrons[near] * cloud_at(sensor, content.cloud_transmission, x, y)
+        light = content.star_electrons[near] * transmission_at(
+            sensor, content.cloud_transmission, x, y
+        )
         add_sources(image_e, x - left, y - top, light, fwhm_px=content.fwhm_px)
     return image_e

@@ -1,4 +1,4 @@
-"""Truth of a simulated frame, for tests and summaries alone."""
+"""True content and timing of a simulated frame, for tests and summaries only."""
 
 import json
 from collections.abc import Mapping
@@ -19,8 +19,7 @@ class SatelliteTruth:
     is_whole: bool
     """True where both ends of its streak lie on the sensor."""
     ra_icrs_deg: float
-    """Right ascension at the mid-exposure of header and known latency, taken for true UTC, as a
-    perfect measurement would have it. Errors of clock and shutter show as errors of place."""
+    """Right ascension at mid-exposure of header and known latency, taken for true UTC."""
     dec_icrs_deg: float
     ra_rate_deg_s: float
     """Rate of right ascension (the coordinate, not times cos dec) at the same instant."""
@@ -41,8 +40,7 @@ class SatelliteTruth:
     snr_peak_pixel: float
     """Peak SNR: the streak's brightest pixel over its noise."""
     snr_matched: float
-    """Signal over noise of the whole streak, weighted by its own shape; a steady straight one
-    under a clear sky."""
+    """Signal over noise of the whole streak, weighted by its shape; steady, straight, clear sky."""
     snr_integrated: float
     """Integrated SNR of the streak as rendered, pixel by pixel (``streak_snr.integrated_snr``)."""
 
@@ -63,8 +61,7 @@ class FrameTruth:
     t_start_utc_ns: int
     """DATE-OBS: by the observatory's clock, rounded down where the world's camera does so."""
     t_place_utc_ns: int
-    """Instant of the satellites' places: mid-exposure as computed by an operator who knows the
-    camera's latency."""
+    """Instant of the satellites' places: mid-exposure by header and the camera's known latency."""
     t_open_utc_ns: int
     """True opening of the first row, true UTC."""
     exposure_s: float
@@ -76,7 +73,6 @@ class FrameTruth:
     cloud_transmission: float
     """Mean transmission of the clouds over the frame."""
     stars: int
-    """Number of stars drawn, catalogued and synthetic."""
     satellites: tuple[SatelliteTruth, ...]
     traffic: tuple[TrafficTruth, ...] = ()
 
@@ -94,7 +90,7 @@ NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrueShutter:
+class TrueExposureTiming:
     """True timing of an exposure."""
 
     t_open_utc_ns: int
@@ -110,7 +106,7 @@ def header_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
 
 
 def reported_start_utc_ns(world: World, t_start_utc_ns: int) -> int:
-    """Opening as an operator computes it: DATE-OBS plus the known latency."""
+    """Return the shutter's opening as an operator computes it: DATE-OBS plus known latency."""
     return header_start_utc_ns(world, t_start_utc_ns) + round(world.known_latency_s * NS)
 
 
@@ -123,13 +119,13 @@ def clock_offset_s(world: World, t_utc_ns: int, t_night_utc_ns: int) -> float:
     return world.clock.offset_s + world.clock.drift_ppm * 1e-6 * since_s
 
 
-def true_shutter(
+def true_exposure_timing(
     world: World, scatter_s: float, t_start_utc_ns: int, t_night_utc_ns: int
-) -> TrueShutter | None:
-    """True timing of the exposure begun at ``t_start_utc_ns`` by the observatory's clock.
+) -> TrueExposureTiming | None:
+    """Return the true timing of the exposure begun at ``t_start_utc_ns``, observatory's clock.
 
-    ``scatter_s``: random delay of this opening. None where no setting of clock or shutter differs
-    from its default: the caller then applies the scatter as a shift along the streak.
+    ``scatter_s``: random delay of this opening. None where all settings of clock and shutter have
+    their defaults: the caller then applies the scatter as a shift along the streak.
     """
     shutter = world.shutter
     later_s = shutter.latency_s + shutter.bias_s
@@ -137,7 +133,7 @@ def true_shutter(
     is_plain = shutter.scatter_s is None and shutter.round_s == shutter.line_time_us == 0.0
     if is_plain and later_s == 0.0:
         return None
-    return TrueShutter(
+    return TrueExposureTiming(
         t_open_utc_ns=t_start_utc_ns + round((later_s + scatter_s) * NS),
         line_time_s=shutter.line_time_us * 1e-6,
     )

@@ -10,17 +10,23 @@ from typing import Any
 from indipydriver import BLOBMember, BLOBVector, Device
 
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.simulator.camera.indi_fits import CameraTraits, Card, Fate, fits_bytes, frame_fate
+from rsoconsole.simulator.camera.indi_fits import (
+    CameraTraits,
+    Card,
+    Fate,
+    draw_frame_delivery,
+    fits_bytes,
+)
 from rsoconsole.simulator.camera.truth import header_start_utc_ns
-from rsoconsole.simulator.devices._read_out import ReadOut, ReadOutVectors
+from rsoconsole.simulator.devices._read_out import ReadOutMode, ReadOutVectors
 from rsoconsole.simulator.mount.indi_vectors import (
-    asked_for,
-    asked_numbers,
-    connection,
+    connection_vector,
     driver_info,
-    numbers,
-    stamp,
-    switches,
+    indi_timestamp,
+    number_vector,
+    requested_numbers,
+    requested_switch,
+    switch_vector,
     turn_on,
 )
 from rsoconsole.simulator.mount.mount_model import MountModel
@@ -40,7 +46,7 @@ class _Exposure:
     opens_later_s: float
     fate: Fate
     late_s: float
-    mode: ReadOut
+    mode: ReadOutMode
 
     @property
     def t_end_utc_ns(self) -> int:
@@ -90,9 +96,13 @@ class CameraDevice:
         self._is_sky_empty = False
         # One thread: frames are drawn in the order in which they were taken.
         self._painter = ThreadPoolExecutor(1, "painter")
-        self._exposing = numbers("CCD_EXPOSURE", _GROUP, {"CCD_EXPOSURE_VALUE": 1.0}, form="%.6g")
-        self._abort = switches("CCD_ABORT_EXPOSURE", _GROUP, ("ABORT",), None, rule="AtMostOne")
-        self._upload = switches(
+        self._exposing = number_vector(
+            "CCD_EXPOSURE", _GROUP, {"CCD_EXPOSURE_VALUE": 1.0}, form="%.6g"
+        )
+        self._abort = switch_vector(
+            "CCD_ABORT_EXPOSURE", _GROUP, ("ABORT",), None, rule="AtMostOne"
+        )
+        self._upload = switch_vector(
             "UPLOAD_MODE",
             "Options",
             ("UPLOAD_CLIENT", "UPLOAD_LOCAL", "UPLOAD_BOTH"),
@@ -109,8 +119,8 @@ class CameraDevice:
                 self._abort,
                 self._upload,
                 self._blob,
-                connection(),
-                numbers(
+                connection_vector(),
+                number_vector(
                     "CCD_INFO",
                     "Image Info",
                     {
@@ -141,7 +151,7 @@ class CameraDevice:
             self._exposing["CCD_EXPOSURE_VALUE"] = "0"
             await self._send(self._exposing, "Idle")
         elif event.vectorname == "UPLOAD_MODE":
-            turn_on(self._upload, asked_for(event))
+            turn_on(self._upload, requested_switch(event))
             await self._send(self._upload, "Ok")
         elif event.vectorname in ("CCD_BINNING", "CCD_FRAME"):
             await self._handle_read_out(event)
@@ -170,19 +180,19 @@ class CameraDevice:
         rotation_deg = (turned_deg + self._world.optics.rotation_deg_h * hours) % 360.0
         pointing = (float(ra_icrs_deg), float(dec_icrs_deg), rotation_deg)
         path = None  # a restless mount's, (2, k) arcsec east and north of the middle
-        if not self._mount.unrest.is_none:
-            path = self._mount.unrest_path_arcsec(exposure.at(0.0), exposure.at(1.0))
+        if not self._mount.unrest.is_zero:
+            path = self._mount.creep_and_jump_path_arcsec(exposure.at(0.0), exposure.at(1.0))
         self._spawn(self._deliver(exposure, pointing, path, cards, self._generation))
 
-    def overdue_utc_ns(self) -> int | None:
-        """Instant at which the frame of a finished exposure arrives; None where none is awaited."""
+    def awaited_frame_due_utc_ns(self) -> int | None:
+        """Return when the awaited frame of a finished exposure is due; None: none is awaited."""
         exposure = self._exposure
         if exposure is None or self._now_utc_ns() < exposure.t_end_utc_ns:
             return None
         return exposure.t_due_utc_ns
 
     async def _handle_read_out(self, event: Any) -> None:
-        asked = asked_numbers(self.device, event)
+        asked = requested_numbers(self.device, event)
         is_binning = event.vectorname == "CCD_BINNING"
         vectors = self._read_out
         vector = vectors.binning if is_binning else vectors.frame
@@ -194,8 +204,8 @@ class CameraDevice:
         else:
             await self._send(vector, "Alert", "the camera cannot read out so")
 
-    def _scene_of(self, mode: ReadOut) -> Scene:
-        factor = mode.factor(self._traits) or 1
+    def _scene_of(self, mode: ReadOutMode) -> Scene:
+        factor = mode.scene_binning_factor(self._traits) or 1
         if factor not in self._scenes:
             self._scenes[factor] = self._scene.binned(factor)
         return self._scenes[factor]
@@ -215,7 +225,7 @@ class CameraDevice:
             t_start_utc_ns,
             exposure_s,
             self._world.shutter.latency_s + self._world.shutter.bias_s,
-            frame_fate(self._world.frames, self._seed, t_start_utc_ns),
+            draw_frame_delivery(self._world.frames, self._seed, t_start_utc_ns),
             self._world.frames.late_s,
             self._read_out.mode,
         )
@@ -246,12 +256,12 @@ class CameraDevice:
         self._blob["CCD1"] = file
         self._blob.set_blobsize("CCD1", len(file))
         await self._blob.send_setVectorMembers(
-            timestamp=stamp(self._now_utc_ns()), state="Ok", members=["CCD1"]
+            timestamp=indi_timestamp(self._now_utc_ns()), state="Ok", members=["CCD1"]
         )
 
     async def _report_empty_sky(self, dec_icrs_deg: float) -> None:
         """Report an empty sky once; again only after a frame with stars."""
-        notice = self._scene.sky_notice(dec_icrs_deg)
+        notice = self._scene.empty_sky_message(dec_icrs_deg)
         if notice is not None and not self._is_sky_empty:
             await self._say(notice)
         self._is_sky_empty = notice is not None
@@ -276,7 +286,7 @@ class CameraDevice:
         if self._truth_path is not None:
             with self._truth_path.open("a", encoding="utf-8") as lines:
                 lines.write(truth.to_json() + "\n")
-        return bytes(fits_bytes(exposure.mode.cut(pixels), cards))
+        return bytes(fits_bytes(exposure.mode.crop(pixels), cards))
 
     def _cards(self, exposure: _Exposure) -> dict[str, Card]:
         """Header cards of INDI's CCD driver; RA and DEC are J2000 from the mount's own belief."""
@@ -313,10 +323,10 @@ class CameraDevice:
     async def _send(self, vector: Any, state: str, message: str = "") -> None:
         if message:
             await self._say(message)
-        await vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state=state)
+        await vector.send_setVector(timestamp=indi_timestamp(self._now_utc_ns()), state=state)
 
     async def _say(self, message: str) -> None:
-        await self.device.send_device_message(message, stamp(self._now_utc_ns()))
+        await self.device.send_device_message(message, indi_timestamp(self._now_utc_ns()))
 
 
 def _date_obs(world: World, t_start_utc_ns: int) -> str:

@@ -8,7 +8,13 @@ from typing import Any
 
 from indipydriver import Device
 
-from rsoconsole.simulator.mount.indi_vectors import asked_for, stamp, switches, texts, turn_on
+from rsoconsole.simulator.mount.indi_vectors import (
+    indi_timestamp,
+    requested_switch,
+    switch_vector,
+    text_vector,
+    turn_on,
+)
 
 NS = 1_000_000_000
 US = 1_000
@@ -21,11 +27,11 @@ MAX_BEHIND_S = 60.0
 
 
 class VirtualClock:
-    """The observatory's time, in UTC ns, always whole microseconds (INDI's finest stamp).
+    """The observatory's time, in UTC ns, always whole microseconds (INDI's finest unit).
 
-    ``speed``: virtual seconds per wall second; 0 or infinity: no pacing, time passes at once. A
-    paced clock stands while no client asks for time, and then catches up with the wall clock,
-    at most ``CATCH_UP`` times as fast.
+    ``speed``: virtual seconds per wall second; 0 or infinity: no pacing, ``advance`` takes no wall
+    time. A paced clock stands still unless a client advances it, and then catches up with the wall
+    clock, at most ``CATCH_UP`` times as fast.
     """
 
     def __init__(
@@ -48,11 +54,10 @@ class VirtualClock:
         self._interrupted.set()
 
     async def advance(self, t_utc_ns: int, on_report: Callable[[], Awaitable[None]]) -> int:
-        """Advance to an instant and return the instant reached: an earlier one if interrupted.
+        """Advance to ``t_utc_ns``; return the instant reached, an earlier one if interrupted.
 
-        ``t_utc_ns`` is rounded up to whole microseconds; one that is past leaves the clock where it
-        is. ``on_report`` is awaited at every whole virtual second of a paced advance and at the
-        end.
+        ``t_utc_ns`` is rounded up to whole microseconds; a past instant leaves the clock unchanged.
+        ``on_report`` is awaited at every whole virtual second of a paced advance and at the end.
         """
         self._interrupted.clear()
         t_end_utc_ns = max(self._now_utc_ns, -(-t_utc_ns // US) * US)
@@ -108,21 +113,23 @@ class ClockDevice:
         self._overdue = overdue
         self._clock, self._on_report, self._spawn = clock, on_report, spawn
         self._is_advancing = False
-        self._now = texts(
+        self._now = text_vector(
             "SIM_CLOCK", _GROUP, {"UTC_NS": str(clock.now_utc_ns), "SPEED": repr(clock.speed)}
         )
-        self._advance = texts("SIM_ADVANCE", _GROUP, {"TO_UTC_NS": "0", "TAG": ""}, perm="rw")
-        self._interrupt = switches("SIM_INTERRUPT", _GROUP, ("INTERRUPT",), None, rule="AtMostOne")
+        self._advance = text_vector("SIM_ADVANCE", _GROUP, {"TO_UTC_NS": "0", "TAG": ""}, perm="rw")
+        self._interrupt = switch_vector(
+            "SIM_INTERRUPT", _GROUP, ("INTERRUPT",), None, rule="AtMostOne"
+        )
         self.device = Device(DEVICE, [self._now, self._advance, self._interrupt])
 
     async def handle(self, event: Any) -> None:
         """Carry out a client's request to set one property."""
         if event.vectorname == "SIM_INTERRUPT":
-            if asked_for(event):
+            if requested_switch(event):
                 self._clock.interrupt()
             turn_on(self._interrupt, None)
             await self._interrupt.send_setVector(
-                timestamp=stamp(self._clock.now_utc_ns), state="Ok"
+                timestamp=indi_timestamp(self._clock.now_utc_ns), state="Ok"
             )
         elif event.vectorname == "SIM_ADVANCE":
             await self._handle_advance(event)
@@ -149,12 +156,12 @@ class ClockDevice:
         finally:
             self._is_advancing = False
         self._now["UTC_NS"] = str(reached_utc_ns)
-        await self._now.send_setVector(timestamp=stamp(reached_utc_ns), state="Ok")
+        await self._now.send_setVector(timestamp=indi_timestamp(reached_utc_ns), state="Ok")
         self._advance["TO_UTC_NS"] = str(reached_utc_ns)
         self._advance["TAG"] = tag
-        await self._advance.send_setVector(timestamp=stamp(reached_utc_ns), state="Ok")
+        await self._advance.send_setVector(timestamp=indi_timestamp(reached_utc_ns), state="Ok")
 
     async def _refuse(self, why: str) -> None:
-        t = stamp(self._clock.now_utc_ns)
+        t = indi_timestamp(self._clock.now_utc_ns)
         await self.device.send_device_message(why, t)
         await self._advance.send_setVector(timestamp=t, state="Alert")

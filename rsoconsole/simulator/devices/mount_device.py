@@ -10,14 +10,14 @@ from indipydriver import Device
 from rsoconsole.records import Site
 from rsoconsole.simulator.mount.indi_vectors import (
     MountFaults,
-    asked_for,
-    asked_numbers,
-    connection,
+    connection_vector,
     driver_info,
-    numbers,
-    stamp,
-    switches,
-    texts,
+    indi_timestamp,
+    number_vector,
+    requested_numbers,
+    requested_switch,
+    switch_vector,
+    text_vector,
     turn_on,
 )
 from rsoconsole.simulator.mount.mount_model import MountModel
@@ -41,18 +41,20 @@ class MountDevice:
         self._model = model
         self._now_utc_ns = now_utc_ns
         now = model.instant(now_utc_ns())
-        self._coordinates = numbers(
+        self._coordinates = number_vector(
             "EQUATORIAL_EOD_COORD",
             _GROUP,
             {"RA": deg_to_hours(now.ra_date_deg), "DEC": now.dec_date_deg},
         )
-        self._on_set = switches("ON_COORD_SET", _GROUP, ("TRACK", "SLEW", "SYNC"), "TRACK")
-        self._abort = switches("TELESCOPE_ABORT_MOTION", _GROUP, ("ABORT",), None, rule="AtMostOne")
-        self._park = switches("TELESCOPE_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
-        self._tracking = switches(
+        self._on_set = switch_vector("ON_COORD_SET", _GROUP, ("TRACK", "SLEW", "SYNC"), "TRACK")
+        self._abort = switch_vector(
+            "TELESCOPE_ABORT_MOTION", _GROUP, ("ABORT",), None, rule="AtMostOne"
+        )
+        self._park = switch_vector("TELESCOPE_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
+        self._tracking = switch_vector(
             "TELESCOPE_TRACK_STATE", _GROUP, ("TRACK_ON", "TRACK_OFF"), "TRACK_ON"
         )
-        self._side = switches(
+        self._side = switch_vector(
             "TELESCOPE_PIER_SIDE",
             _GROUP,
             ("PIER_WEST", "PIER_EAST"),
@@ -60,7 +62,7 @@ class MountDevice:
             perm="ro",
         )
         aperture_mm = focal_length_mm / 2.2
-        self._site = numbers(
+        self._site = number_vector(
             "GEOGRAPHIC_COORD",
             "Site",
             {
@@ -70,15 +72,15 @@ class MountDevice:
             },
         )
         # libindi's clients do not see the stamps of vectors.
-        self._sim_time = texts("SIM_TIME", _GROUP, {"UTC_NS": str(now_utc_ns())})
+        self._sim_time = text_vector("SIM_TIME", _GROUP, {"UTC_NS": str(now_utc_ns())})
         self._reporting = asyncio.Lock()
         self.faults = MountFaults()
         self._clock_error_ns = 0
-        self._time = texts("TIME_UTC", "Site", {"UTC": self._iso(), "OFFSET": "0"}, perm="rw")
+        self._time = text_vector("TIME_UTC", "Site", {"UTC": self._iso(), "OFFSET": "0"}, perm="rw")
         self.device = Device(
             name,
             [
-                connection(),
+                connection_vector(),
                 self._coordinates,
                 self._on_set,
                 self._abort,
@@ -89,9 +91,9 @@ class MountDevice:
                 self._time,
                 self.faults.vector,
                 # A fresh client asks for a report with its simulated time.
-                switches("SIM_REPORT", _GROUP, ("NOW",), None, rule="AtMostOne"),
+                switch_vector("SIM_REPORT", _GROUP, ("NOW",), None, rule="AtMostOne"),
                 self._sim_time,
-                numbers(
+                number_vector(
                     "TELESCOPE_INFO",
                     "Options",
                     {
@@ -101,7 +103,7 @@ class MountDevice:
                         "GUIDER_FOCAL_LENGTH": focal_length_mm,
                     },
                 ),
-                numbers(
+                number_vector(
                     "TELESCOPE_TRACK_RATE",
                     _GROUP,
                     {"TRACK_RATE_RA": 15.041067, "TRACK_RATE_DE": 0.0},
@@ -125,7 +127,7 @@ class MountDevice:
             "SIM_REPORT": self._handle_report,
         }
         action = actions.get(event.vectorname)
-        if self.faults.ignores(event):
+        if self.faults.consume_ignored_request(event):
             return
         if action is not None:
             await action(event)
@@ -151,7 +153,7 @@ class MountDevice:
             self._coordinates["RA"] = repr(deg_to_hours(now.ra_date_deg))
             self._coordinates["DEC"] = repr(now.dec_date_deg)
             await self._coordinates.send_setVector(
-                timestamp=stamp(t_utc_ns), state="Busy" if now.is_slewing else "Ok"
+                timestamp=indi_timestamp(t_utc_ns), state="Busy" if now.is_slewing else "Ok"
             )
 
     def refresh(self) -> None:
@@ -165,7 +167,7 @@ class MountDevice:
 
     async def _handle_site(self, event: Any) -> None:
         """Set the site that the mount believes; where it stands and what it shows stays."""
-        for key, value in asked_numbers(self.device, event).items():
+        for key, value in requested_numbers(self.device, event).items():
             self._site[key] = repr(wrap_360(value) if key == "LONG" else value)
         await self._acknowledge(self._site)
 
@@ -179,7 +181,7 @@ class MountDevice:
         await self._acknowledge(self._time)
 
     async def _handle_faults(self, event: Any) -> None:
-        self.faults.set(asked_numbers(self.device, event))
+        self.faults.set(requested_numbers(self.device, event))
         await self._acknowledge(self.faults.vector)
 
     async def _handle_coordinates(self, event: Any) -> None:
@@ -205,7 +207,7 @@ class MountDevice:
         await self.report()
 
     async def _handle_on_set(self, event: Any) -> None:
-        turn_on(self._on_set, asked_for(event) or "TRACK")
+        turn_on(self._on_set, requested_switch(event) or "TRACK")
         await self._acknowledge(self._on_set)
 
     async def _handle_abort(self, _event: Any) -> None:
@@ -219,11 +221,11 @@ class MountDevice:
 
     async def _handle_park(self, event: Any) -> None:
         t_utc_ns = self._now_utc_ns()
-        wanted = asked_for(event)
+        wanted = requested_switch(event)
         if wanted == "PARK" and not self._model.instant(t_utc_ns).is_parked:
             self._model.park(t_utc_ns)
             turn_on(self._park, "PARK")
-            await self._park.send_setVector(timestamp=stamp(t_utc_ns), state="Busy")
+            await self._park.send_setVector(timestamp=indi_timestamp(t_utc_ns), state="Busy")
         elif wanted == "UNPARK":
             self._model.abort(t_utc_ns)
             self._model.unpark(t_utc_ns)
@@ -238,21 +240,21 @@ class MountDevice:
         if self._model.instant(t_utc_ns).is_parked:
             await self._refuse("the mount is parked: unpark it first", self._tracking)
             return
-        self._model.set_tracking(asked_for(event) == "TRACK_ON", t_utc_ns)
-        turn_on(self._tracking, asked_for(event))
+        self._model.set_tracking(requested_switch(event) == "TRACK_ON", t_utc_ns)
+        turn_on(self._tracking, requested_switch(event))
         await self._acknowledge(self._tracking)
         await self.report()
-        if asked_for(event) == "TRACK_OFF" and self.faults.turns_tracking_on_again():
+        if requested_switch(event) == "TRACK_OFF" and self.faults.consume_tracking_return():
             self._model.set_tracking(True, t_utc_ns)
             await self.report()
 
     async def _acknowledge(self, vector: Any) -> None:
         if vector is self._time:
             self._time["UTC"] = self._iso()
-        await vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
+        await vector.send_setVector(timestamp=indi_timestamp(self._now_utc_ns()), state="Ok")
 
     async def _refuse(self, why: str, vector: Any = None) -> None:
-        t = stamp(self._now_utc_ns())
+        t = indi_timestamp(self._now_utc_ns())
         await self.device.send_device_message(why, t)
         await (vector or self._coordinates).send_setVector(timestamp=t, state="Alert")
 

@@ -7,13 +7,13 @@ from indipydriver import Device
 
 from rsoconsole.base import ConfigError
 from rsoconsole.simulator.mount.indi_vectors import (
-    asked_for,
-    connection,
+    connection_vector,
     driver_info,
-    lights,
-    stamp,
-    switches,
-    texts,
+    indi_timestamp,
+    light_vector,
+    requested_switch,
+    switch_vector,
+    text_vector,
     turn_on,
 )
 
@@ -33,12 +33,12 @@ class WeatherDevice:
     ) -> None:
         self._now_utc_ns = now_utc_ns
         self._changes = _changes(schedule, t_start_utc_ns, tuple(_LIGHT), "weather")
-        self._status = lights(
+        self._status = light_vector(
             "WEATHER_STATUS", _GROUP, {"WEATHER_WIND_SPEED": "Ok", "WEATHER_RAIN_HOUR": "Ok"}
         )
-        self._options = texts("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
+        self._options = text_vector("SIM_WEATHER", "Options", {"STATE": "ok"}, perm="rw")
         others = (self._options, driver_info(name, 128))
-        self.device = Device(name, [connection(), self._status, *others])
+        self.device = Device(name, [connection_vector(), self._status, *others])
 
     async def handle(self, event: Any) -> None:
         """Apply a client's request, which holds until the next change of the schedule."""
@@ -46,7 +46,7 @@ class WeatherDevice:
         if word in _LIGHT:
             self._options["STATE"] = word
             await self._publish(word, self._now_utc_ns())
-        await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
+        await event.vector.send_setVector(timestamp=indi_timestamp(self._now_utc_ns()), state="Ok")
 
     async def pass_time(self) -> None:
         """Report to clients every scheduled change of the weather that is due."""
@@ -56,7 +56,7 @@ class WeatherDevice:
     async def _publish(self, word: str, t_utc_ns: int) -> None:
         # The wind alone makes the weather here.
         self._status["WEATHER_WIND_SPEED"] = _LIGHT[word]
-        await self._status.send_setVector(timestamp=stamp(t_utc_ns), state=_LIGHT[word])
+        await self._status.send_setVector(timestamp=indi_timestamp(t_utc_ns), state=_LIGHT[word])
 
 
 class DomeDevice:
@@ -67,18 +67,22 @@ class DomeDevice:
     ) -> None:
         self._now_utc_ns = now_utc_ns
         self._changes = _changes(schedule, t_start_utc_ns, _DOME_WORDS, "dome")
-        self._shutter = switches(
+        self._shutter = switch_vector(
             "DOME_SHUTTER", _GROUP, ("SHUTTER_OPEN", "SHUTTER_CLOSE"), "SHUTTER_OPEN"
         )
-        self._park = switches("DOME_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
-        self.device = Device(name, [connection(), self._shutter, self._park, driver_info(name, 32)])
+        self._park = switch_vector("DOME_PARK", _GROUP, ("PARK", "UNPARK"), "UNPARK")
+        self.device = Device(
+            name, [connection_vector(), self._shutter, self._park, driver_info(name, 32)]
+        )
 
     async def handle(self, event: Any) -> None:
         """Apply a client's request, which holds until the next change of the schedule."""
-        asked = asked_for(event) if event.vectorname in ("DOME_SHUTTER", "DOME_PARK") else None
+        asked = (
+            requested_switch(event) if event.vectorname in ("DOME_SHUTTER", "DOME_PARK") else None
+        )
         if asked is not None:
             turn_on(event.vector, asked)
-        await event.vector.send_setVector(timestamp=stamp(self._now_utc_ns()), state="Ok")
+        await event.vector.send_setVector(timestamp=indi_timestamp(self._now_utc_ns()), state="Ok")
 
     async def pass_time(self) -> None:
         """Report to clients every scheduled change of the dome that is due."""
@@ -86,7 +90,7 @@ class DomeDevice:
             if word != "moving":
                 turn_on(self._shutter, "SHUTTER_OPEN" if word == "open" else "SHUTTER_CLOSE")
             await self._shutter.send_setVector(
-                timestamp=stamp(t_utc_ns), state="Busy" if word == "moving" else "Ok"
+                timestamp=indi_timestamp(t_utc_ns), state="Busy" if word == "moving" else "Ok"
             )
 
 

@@ -20,15 +20,15 @@ from indipydriver import (
 _EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)  # noqa: UP017 - the driver wants this very object
 
 
-def stamp(t_utc_ns: int) -> datetime:
+def indi_timestamp(t_utc_ns: int) -> datetime:
     """The instant as a UTC datetime for INDI, rounded down to microseconds."""
     return _EPOCH + timedelta(microseconds=t_utc_ns // 1000)
 
 
-def numbers(
+def number_vector(
     name: str, group: str, values: Mapping[str, float], *, perm: str = "rw", form: str = "%.10g"
 ) -> Any:
-    """A number vector in state Ok, of these members; ``form``: INDI's format of the numbers."""
+    """Return an INDI number vector in state Ok; ``form``: INDI's format of its numbers."""
     members = [
         NumberMember(key, key, form, "-1e12", "1e12", "0", repr(float(value)))
         for key, value in values.items()
@@ -36,7 +36,7 @@ def numbers(
     return NumberVector(name, name, group, perm, "Ok", members)
 
 
-def switches(
+def switch_vector(
     name: str,
     group: str,
     members: tuple[str, ...],
@@ -50,8 +50,8 @@ def switches(
     return SwitchVector(name, name, group, perm, rule, "Ok", each)
 
 
-def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro") -> Any:
-    """A text vector in state Ok, of these members."""
+def text_vector(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro") -> Any:
+    """Return an INDI text vector in state Ok; ``values``: its members' texts by name."""
     return TextVector(
         name,
         name,
@@ -62,18 +62,18 @@ def texts(name: str, group: str, values: Mapping[str, str], *, perm: str = "ro")
     )
 
 
-def connection() -> Any:
+def connection_vector() -> Any:
     """The CONNECTION vector of a connected device."""
-    return switches("CONNECTION", "Main Control", ("CONNECT", "DISCONNECT"), "CONNECT")
+    return switch_vector("CONNECTION", "Main Control", ("CONNECT", "DISCONNECT"), "CONNECT")
 
 
 def driver_info(name: str, interface: int) -> Any:
     """The DRIVER_INFO vector; ``interface``: the sum of INDI's interface bits of the device."""
     values = {"DRIVER_NAME": name, "DRIVER_EXEC": "rsoconsole", "DRIVER_INTERFACE": str(interface)}
-    return texts("DRIVER_INFO", "General Info", values)
+    return text_vector("DRIVER_INFO", "General Info", values)
 
 
-def lights(name: str, group: str, values: Mapping[str, str]) -> Any:
+def light_vector(name: str, group: str, values: Mapping[str, str]) -> Any:
     """A light vector in state Ok; ``values``: Idle, Ok, Busy or Alert by member."""
     members = [LightMember(key, key, value) for key, value in values.items()]
     return LightVector(name, name, group, "Ok", members)
@@ -87,12 +87,12 @@ def turn_on(vector: Any, member: str | None) -> bool:
     return before != {key: vector[key] for key in vector}
 
 
-def asked_for(event: Mapping[str, str]) -> str | None:
+def requested_switch(event: Mapping[str, str]) -> str | None:
     """The member that a client's newSwitchVector turns on; None where it turns on none."""
     return next((key for key, value in event.items() if value == "On"), None)
 
 
-def asked_numbers(device: Any, event: Mapping[str, str]) -> dict[str, float]:
+def requested_numbers(device: Any, event: Mapping[str, str]) -> dict[str, float]:
     """The numbers of a client's newNumberVector by member, without those that are not finite."""
     found = {}
     for key, value in event.items():
@@ -118,7 +118,7 @@ class MountFaults:
     """
 
     def __init__(self) -> None:
-        self.vector = numbers("SIM_FAULTS", "Options", dict.fromkeys(FAULTS, 0.0))
+        self.vector = number_vector("SIM_FAULTS", "Options", dict.fromkeys(FAULTS, 0.0))
         self._values = dict.fromkeys(FAULTS, 0.0)
 
     def set(self, values: Mapping[str, float]) -> None:
@@ -137,15 +137,15 @@ class MountFaults:
         """True where an abort turns tracking off too."""
         return self._values["ABORT_ENDS_TRACKING"] > 0
 
-    def turns_tracking_on_again(self) -> bool:
-        """True where tracking that was turned off comes on again; decrements TRACKING_RETURNS."""
+    def consume_tracking_return(self) -> bool:
+        """Return whether tracking must come on again; if so, decrement TRACKING_RETURNS."""
         if self._values["TRACKING_RETURNS"] <= 0:
             return False
         self._values["TRACKING_RETURNS"] -= 1
         return True
 
-    def ignores(self, event: Any) -> bool:
-        """True where this request is to be ignored; decrements IGNORED_SLEWS or IGNORED_ABORTS."""
+    def consume_ignored_request(self, event: Any) -> bool:
+        """Return whether to ignore this request; if so, decrement its IGNORED_... count."""
         if event.vectorname == "SIM_FAULTS":
             return False
         key = {

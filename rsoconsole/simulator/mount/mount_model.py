@@ -3,8 +3,8 @@
 All coordinates are epoch of date, as in the mount's own software. The axes are described in
 coordinates that turn with the sky: ``primary`` is the right ascension to which the polar axis is
 turned, ``secondary`` the declination, beyond the elevated pole when the telescope is east of the
-pier (looking west). The mount reports where it believes to point; the true boresight adds pointing
-errors, which are mostly systematic (polar axis, cone, flexure, a jump at the flip).
+pier (looking west). The true boresight is the reported direction plus pointing errors, which are
+mostly systematic (polar axis, cone, flexure, a jump at the flip).
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,7 +22,7 @@ _STREAM = 36
 
 
 @dataclass(frozen=True, slots=True)
-class MountUnrest:
+class MountCreepAndJumps:
     """Pointing offsets of a mount that creeps after slews and jumps, as a function of time."""
 
     seed: int
@@ -35,17 +35,17 @@ class MountUnrest:
     """Jump of each interval so far: instant in seconds of the night, degrees east and north."""
 
     @property
-    def is_none(self) -> bool:
+    def is_zero(self) -> bool:
         """True where the mount neither creeps nor jumps: all offsets are 0."""
         return self.settle_s == self.jump_arcsec == 0.0
 
     def offset_deg(
         self, t_utc_ns: int, since_arrival_s: float, way_deg: tuple[float, float]
     ) -> tuple[float, float]:
-        """Offset (east, north) from where the mount would point without creep and jumps.
+        """Return the pointing offset (east, north) due to creep and jumps at an instant.
 
-        ``since_arrival_s``: seconds since the last slew ended. ``way_deg``: that slew, east and
-        north.
+        ``since_arrival_s``: seconds since the last slew ended. ``way_deg``: displacement (east,
+        north) in that slew.
         """
         east_deg, north_deg = self._jumped_deg((t_utc_ns - self.t_night_utc_ns) / NS)
         length_deg = hypot(*way_deg)
@@ -100,7 +100,7 @@ class MountTraits:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountInstant:
+class ReportedMountState:
     """State that the mount reports at one instant, without pointing errors; epoch of date."""
 
     t_utc_ns: int
@@ -158,10 +158,10 @@ def travelled_deg(
 
 
 class MountModel:
-    """The mount's state over time; commands and queries carry their instant, no clock is read.
+    """Mount whose state can be queried at any instant; it reads no clock and does no I/O.
 
     The last motions are kept, so that the pointing during an exposure can be queried after a later
-    slew has begun. Angles in degrees, epoch of date. No I/O.
+    slew has begun. Angles in degrees, epoch of date.
     """
 
     def __init__(
@@ -174,9 +174,9 @@ class MountModel:
         ra_date_deg: float,
         dec_date_deg: float,
         traits: MountTraits | None = None,
-        unrest: MountUnrest | None = None,
+        unrest: MountCreepAndJumps | None = None,
     ) -> None:
-        self.unrest = unrest or MountUnrest(seed, t_utc_ns)
+        self.unrest = unrest or MountCreepAndJumps(seed, t_utc_ns)
         self.latitude_deg = latitude_deg
         self.longitude_deg = longitude_deg
         self.traits = traits or MountTraits()
@@ -219,7 +219,7 @@ class MountModel:
             self._rest(t_utc_ns, is_tracking=False)
 
     def abort(self, t_utc_ns: int) -> None:
-        """End the slew under way where the axes are; tracking stays on or off."""
+        """Stop the slew under way at the axes' present position; tracking stays on or off."""
         now = self.instant(t_utc_ns)
         if now.is_slewing:
             self._rest(t_utc_ns, is_tracking=self._motion_at(t_utc_ns).is_tracking)
@@ -234,15 +234,15 @@ class MountModel:
         elif now.is_tracking != is_on:
             self._rest(t_utc_ns, is_tracking=is_on)
 
-    def instant(self, t_utc_ns: int) -> MountInstant:
-        """State that the mount reports at an instant, no earlier than the oldest kept motion."""
+    def instant(self, t_utc_ns: int) -> ReportedMountState:
+        """Return the reported state at an instant, no earlier than the oldest kept motion."""
         motion = self._motion_at(t_utc_ns)
         elapsed_s = (t_utc_ns - motion.t0_utc_ns) / NS
         primary_deg, secondary_deg = self._axes_at(motion, elapsed_s)
         ra_deg, dec_deg, side = _direction(primary_deg, secondary_deg)
         is_slewing = elapsed_s < self._duration_s(motion)
         sidereal_deg = float(lst_deg(self.longitude_deg, t_utc_ns))
-        return MountInstant(
+        return ReportedMountState(
             t_utc_ns=t_utc_ns,
             ra_date_deg=ra_deg,
             dec_date_deg=dec_deg,
@@ -267,27 +267,27 @@ class MountModel:
             swing_deg = motion.swing_deg * exp(-since_arrival_s / self.traits.settle_tau_s)
             east_deg += swing_deg * cos(2 * pi * 1.3 * since_arrival_s)
             north_deg += 0.5 * swing_deg * sin(2 * pi * 1.3 * since_arrival_s)
-        restless = self.unrest_deg(t_utc_ns)
+        restless = self.creep_and_jump_offset_deg(t_utc_ns)
         east_deg, north_deg = east_deg + restless[0], north_deg + restless[1]
         dec_deg = max(-90.0, min(90.0, now.dec_date_deg + north_deg))
         cos_dec = max(cos(radians(dec_deg)), 1e-3)
         return wrap_360(now.ra_date_deg + east_deg / cos_dec), dec_deg
 
-    def unrest_deg(self, t_utc_ns: int) -> tuple[float, float]:
-        """Offset (east, north) by creep and jumps from where the mount would point without them."""
+    def creep_and_jump_offset_deg(self, t_utc_ns: int) -> tuple[float, float]:
+        """Return the pointing offset (east, north), deg, due to creep and jumps at an instant."""
         motion = self._motion_at(t_utc_ns)
         since_arrival_s = (t_utc_ns - motion.t0_utc_ns) / NS - self._duration_s(motion)
         sign = 1.0 if abs(motion.secondary_deg) <= 90.0 else -1.0
         way_deg = (motion.travel_primary_deg, sign * motion.travel_secondary_deg)
         return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
 
-    def unrest_path_arcsec(self, t_first_utc_ns: int, t_last_utc_ns: int) -> FloatArray:
-        """Path (2, odd) of the pointing by creep and jumps, at equal steps of time: east, north.
+    def creep_and_jump_path_arcsec(self, t_first_utc_ns: int, t_last_utc_ns: int) -> FloatArray:
+        """Return the path (2, k) of the pointing by creep and jumps, at k (odd) even instants.
 
-        Relative to the pointing halfway between both instants.
+        Rows: east, north, arcsec, relative to the pointing halfway between both instants.
         """
         instants = np.linspace(t_first_utc_ns, t_last_utc_ns, _PATH_STEPS)
-        path = np.array([self.unrest_deg(round(t)) for t in instants]).T * 3600.0
+        path = np.array([self.creep_and_jump_offset_deg(round(t)) for t in instants]).T * 3600.0
         return np.asarray(path - path[:, [_PATH_STEPS // 2]], dtype=np.float64)
 
     def _go(self, ra_date_deg: float, dec_date_deg: float, side: PierSide, t_utc_ns: int) -> float:
@@ -378,7 +378,7 @@ class MountModel:
 def systematic_error_deg(
     hour_angle_deg: float, dec_deg: float, side: PierSide, latitude_deg: float, traits: MountTraits
 ) -> tuple[float, float]:
-    """Systematic error (east on the sky, north) of the boresight, as a pointing model has it.
+    """Return the systematic error (east on the sky, north) of the boresight, deg.
 
     Source of the terms (ME, MA, CH, TF): Wallace 1994, TPOINT; the signs of the cone and polar-axis
     terms change with the side of the pier.

@@ -12,10 +12,14 @@ from rsoconsole.orbits import Satellite
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.simulator.camera.psf import WINGS
 from rsoconsole.simulator.camera.sensor import SensorModel
-from rsoconsole.simulator.nights.night_plan import STREAK_PX, USUAL_EXPOSURE_S, cadence_for
+from rsoconsole.simulator.nights.night_plan import (
+    STREAK_PX,
+    USUAL_EXPOSURE_S,
+    ground_rate_cadence_s,
+)
 from rsoconsole.sky import (
     IntArray,
-    Places,
+    SkyPlaces,
     altaz_of_hour_angle,
     hour_angle_jnow_deg,
     icrs_to_altaz,
@@ -41,7 +45,6 @@ TOGETHER_FIELDS = 0.6
 HIGHEST_DECLINATION_DEG = 80.0
 """Largest |declination| of a target; nearer to a pole right ascension changes too fast."""
 MIN_SNR = 30.0
-"""Least integrated SNR of every target at a chosen time."""
 SIDEREAL_ARCSEC_S = 15.0411
 SKY_ELECTRONS_S = 13.2
 SIGMA_PX = 1.0
@@ -52,8 +55,8 @@ _FEW_DAYS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Views:
-    """M targets at N instants.
+class TargetVisibility:
+    """Positions, brightness and rates of M targets at N instants, as seen from a site.
 
     Shape (M, N): altitude, hour angle, declination, lit and SNR. Shape (N,): all others.
     """
@@ -75,14 +78,16 @@ class Views:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Window:
+class VisibilityWindow:
     """Start and duration of a time in which targets can be seen."""
 
     t_start_utc_ns: int
     visible_s: float
 
 
-def views_of(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) -> Views:
+def compute_target_visibility(
+    satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray
+) -> TargetVisibility:
     """Positions, SNR and rates of targets from a site at instants (N,); NaN where SGP4 fails."""
     seen = [each.astrometric_place(site, t_utc_ns) for each in satellites]
     altitudes, hour_angles = [], []
@@ -100,7 +105,7 @@ def views_of(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) ->
     cos_dec = np.cos(np.radians(dec_deg))
     north = np.array([each.dec_rate_deg_s for each in seen]) * 3600.0
     east = np.array([each.ra_rate_deg_s for each in seen]) * 3600.0
-    return Views(
+    return TargetVisibility(
         t_utc_ns=t_utc_ns,
         sun_altitude_deg=_sun_altitude_deg(site, t_utc_ns),
         altitude_deg=np.array(altitudes),
@@ -119,7 +124,7 @@ def views_of(satellites: Sequence[Satellite], site: Site, t_utc_ns: IntArray) ->
     )
 
 
-def _rough_snr(satellite: Satellite, places: Places, altitude_deg: FloatArray) -> FloatArray:
+def _rough_snr(satellite: Satellite, places: SkyPlaces, altitude_deg: FloatArray) -> FloatArray:
     """Approximate SNR of a straight streak with a round core, over sky and read-out."""
     sensor = SensorModel()
     cos_dec = np.cos(np.radians(places.dec_icrs_deg))
@@ -154,7 +159,7 @@ def first_window(
     frames: int,
     limits: LimitsConfig,
     optics: OpticsConfig,
-) -> Window:
+) -> VisibilityWindow:
     """The first window long enough for ``frames`` exposures, or the longest one found.
 
     At most ``SEARCHED_DAYS`` from ``from_utc_ns`` are searched. Raises ConfigError with the
@@ -164,22 +169,24 @@ def first_window(
     step_s = float(np.clip(period_s / LOOKS_PER_REVOLUTION, SHORTEST_STEP_S, LONGEST_STEP_S))
     step_ns = round(step_s * NS_PER_S)
     per_day = NS_PER_DAY // step_ns
-    found: tuple[Window, bool] | None = None
+    found: tuple[VisibilityWindow, bool] | None = None
     waited = 0
     bounds = (satellites, limits, optics)
-    looks: list[tuple[Views, BoolArray]] = []
+    looks: list[tuple[TargetVisibility, BoolArray]] = []
     for day in range(SEARCHED_DAYS):
         steps = np.arange(day * per_day, (day + 1) * per_day, dtype=np.int64)
         dark_ns = _dark(site, from_utc_ns + steps * step_ns, limits.twilight_deg)
         if len(dark_ns) == 0:
             continue
-        seen = views_of(satellites, site, dark_ns)
-        looks.append((seen, np.all(list(conditions(seen, limits, optics).values()), axis=0)))
+        seen = compute_target_visibility(satellites, site, dark_ns)
+        looks.append(
+            (seen, np.all(list(visibility_conditions(seen, limits, optics).values()), axis=0))
+        )
         found = _best_run(looks, step_ns, frames, min(optics.field_deg))
         if found is None and len(looks) == 1 and period_s > _SLOW_S:
             # What stays behind the Earth, as on the belt's far side, is told at once.
             whole = _overview(satellites, site, from_utc_ns, _FEW_DAYS)
-            if not np.any(conditions(whole, limits, optics)["up"]):
+            if not np.any(visibility_conditions(whole, limits, optics)["up"]):
                 raise ConfigError(_why_never(whole, *bounds))
         waited = 0 if found is None else waited + 1
         if found is not None and (found[1] or waited >= CONTENT_DAYS):
@@ -195,19 +202,20 @@ def _overview(
     site: Site,
     from_utc_ns: int,
     days: int,
-    looks: Sequence[tuple[Views, BoolArray]] = (),
-) -> Views:
+    looks: Sequence[tuple[TargetVisibility, BoolArray]] = (),
+) -> TargetVisibility:
     """Whole days, by light too, every quarter of an hour beside what was looked at."""
     whole_ns = from_utc_ns + np.arange(days * 96 + 1, dtype=np.int64) * (NS_PER_DAY // 96)
     at_ns = np.concatenate([whole_ns, *(seen.t_utc_ns for seen, _ in looks)])
-    return views_of(satellites, site, np.sort(at_ns))
+    return compute_target_visibility(satellites, site, np.sort(at_ns))
 
 
-def conditions(seen: Views, limits: LimitsConfig, optics: OpticsConfig) -> dict[str, BoolArray]:
-    """Whether each condition for a night is met, (N,) each.
+def visibility_conditions(
+    seen: TargetVisibility, limits: LimitsConfig, optics: OpticsConfig
+) -> dict[str, BoolArray]:
+    """Return for each condition of a night at which of the N instants it is met, (N,) bool.
 
-    The keys are the words of an error message: "up", "in darkness", "lit", "bright", "in one
-    field".
+    The keys appear in error messages: "up", "in darkness", "lit", "bright", "in one field".
     """
     low_deg = limits.min_altitude_deg + ALTITUDE_MARGIN_DEG
     with np.errstate(invalid="ignore"):
@@ -225,8 +233,11 @@ def conditions(seen: Views, limits: LimitsConfig, optics: OpticsConfig) -> dict[
 
 
 def _best_run(
-    looks: Sequence[tuple[Views, BoolArray]], step_ns: int, frames: int, short_side_deg: float
-) -> tuple[Window, bool] | None:
+    looks: Sequence[tuple[TargetVisibility, BoolArray]],
+    step_ns: int,
+    frames: int,
+    short_side_deg: float,
+) -> tuple[VisibilityWindow, bool] | None:
     """The first run of instants long enough, and True; else the longest, and False."""
     is_good = np.concatenate([good for _, good in looks])
     t_utc_ns = np.concatenate([seen.t_utc_ns for seen, _ in looks])[is_good]
@@ -238,20 +249,23 @@ def _best_run(
     windows = []
     for start, end in zip(starts, ends, strict=True):
         visible_s = float(t_utc_ns[end - 1] - t_utc_ns[start]) / NS_PER_S
-        window = Window(t_start_utc_ns=int(t_utc_ns[start]), visible_s=visible_s)
-        if visible_s >= frames * cadence_for(float(ground[start]), short_side_deg):
+        window = VisibilityWindow(t_start_utc_ns=int(t_utc_ns[start]), visible_s=visible_s)
+        if visible_s >= frames * ground_rate_cadence_s(float(ground[start]), short_side_deg):
             return window, True
         windows.append(window)
     return max(windows, key=lambda each: each.visible_s), False
 
 
 def _why_never(
-    seen: Views, satellites: Sequence[Satellite], limits: LimitsConfig, optics: OpticsConfig
+    seen: TargetVisibility,
+    satellites: Sequence[Satellite],
+    limits: LimitsConfig,
+    optics: OpticsConfig,
 ) -> str:
     """The first condition that is never met together with those before it."""
     named = [each.element_set for each in satellites]
     names = " and ".join(each.name or str(each.norad_id) for each in named)
-    held = conditions(seen, limits, optics)
+    held = visibility_conditions(seen, limits, optics)
     asked: list[str] = []
     for name in held:
         asked.append(name)
@@ -285,8 +299,8 @@ def expect_visible(
     limits: LimitsConfig,
     optics: OpticsConfig,
 ) -> None:
-    """Raises ConfigError with the reason where the targets cannot be seen at an instant."""
-    seen = views_of(satellites, site, np.array([t_utc_ns], dtype=np.int64))
+    """Raise ConfigError with the reason where the targets cannot be seen at an instant."""
+    seen = compute_target_visibility(satellites, site, np.array([t_utc_ns], dtype=np.int64))
     at = utc_ns_to_iso(t_utc_ns, 0)
     try_this = "without --at a time is picked"
     if seen.sun_altitude_deg[0] > limits.twilight_deg:
@@ -319,7 +333,7 @@ def expect_visible(
         )
 
 
-def visible_from(
+def visible_duration_s(
     satellites: Sequence[Satellite],
     site: Site,
     t_utc_ns: int,
@@ -328,10 +342,10 @@ def visible_from(
     optics: OpticsConfig,
     up_to_s: float,
 ) -> float:
-    """Seconds from an instant during which all ``conditions`` stay met, at most ``up_to_s``."""
+    """Return for how many seconds all ``conditions`` stay met, at most ``up_to_s``."""
     step_s = max(up_to_s / 200.0, 1.0)
     ahead_ns = np.rint(np.arange(0.0, up_to_s + step_s, step_s) * NS_PER_S).astype(np.int64)
-    seen = views_of(satellites, site, np.int64(t_utc_ns) + ahead_ns)
-    good = np.all(list(conditions(seen, limits, optics).values()), axis=0)
+    seen = compute_target_visibility(satellites, site, np.int64(t_utc_ns) + ahead_ns)
+    good = np.all(list(visibility_conditions(seen, limits, optics).values()), axis=0)
     ends = np.flatnonzero(~good)
     return float(up_to_s if len(ends) == 0 else ends[0] * step_s)

@@ -12,15 +12,20 @@ from rsoconsole.orbits import CatalogueEntry, Satellite
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.mount.mount_model import MountTraits, systematic_error_deg
 from rsoconsole.simulator.nights._visibility import (
-    Window,
+    VisibilityWindow,
+    compute_target_visibility,
     expect_visible,
     first_window,
-    views_of,
-    visible_from,
+    visible_duration_s,
 )
-from rsoconsole.simulator.nights.night_plan import NightPlan, cadence_for, exposure_for, regime
+from rsoconsole.simulator.nights.night_plan import (
+    NightPlan,
+    exposure_for_rate_s,
+    ground_rate_cadence_s,
+    regime,
+)
 from rsoconsole.sky import (
-    Places,
+    SkyPlaces,
     StarCatalogue,
     hour_angle_icrs_deg,
     icrs_of_hour_angle,
@@ -52,13 +57,13 @@ def choose_night(
     element_files: Sequence[Path],
     star_file: Path | None,
 ) -> NightPlan:
-    """The first night in which these satellites can be seen together.
+    """Plan the first night in which these satellites can be seen together.
 
-    ``at_utc_ns``: start of the night; None: searched from the newest epoch of the targets'
-    elements. ``frames``: exposures that it should last. Site, limits and telescope are the
-    configuration's; exposure and cadence are chosen for the targets. ``star_file``: a whole-sky
-    index file, for sky beyond the shipped stars. Raises ConfigError where the targets cannot be
-    seen, SolverError where their sky has no stars.
+    ``at_utc_ns``: start of the night; None: the first suitable time after the newest epoch of the
+    targets' elements. ``frames``: number of exposures that the night should have. Site, limits and
+    telescope are the configuration's; exposure and cadence suit the targets. ``star_file``: a
+    whole-sky index file, for sky that the shipped stars do not cover. Raises ConfigError where the
+    targets cannot be seen, SolverError where their sky has no stars.
     """
     site, limits, optics = config.site.to_site(), config.limits, config.optics
     short_side_deg = min(optics.field_deg)
@@ -75,17 +80,19 @@ def choose_night(
     else:
         expect_visible(targets, site, at_utc_ns, limits=limits, optics=optics)
         longest_s = frames * config.exposure.cadence_s
-        visible_s = visible_from(
+        visible_s = visible_duration_s(
             targets, site, at_utc_ns, limits=limits, optics=optics, up_to_s=longest_s
         )
-        window = Window(t_start_utc_ns=at_utc_ns, visible_s=visible_s)
+        window = VisibilityWindow(t_start_utc_ns=at_utc_ns, visible_s=visible_s)
     span_s = min(window.visible_s, frames * config.exposure.cadence_s)
     ahead_ns = np.rint(np.linspace(0.0, span_s, 60) * NS_PER_S).astype(np.int64)
-    seen = views_of(targets, site, np.int64(window.t_start_utc_ns) + ahead_ns)
+    seen = compute_target_visibility(targets, site, np.int64(window.t_start_utc_ns) + ahead_ns)
     ground = float(seen.ground_rate_arcsec_s[0])
-    in_time = ahead_ns <= round(frames * cadence_for(ground, short_side_deg) * NS_PER_S)
-    exposure_s = exposure_for(float(np.max(seen.rate_arcsec_s[in_time])), optics.scale_arcsec_px)
-    cadence_s = cadence_for(ground, short_side_deg, exposure_s)
+    in_time = ahead_ns <= round(frames * ground_rate_cadence_s(ground, short_side_deg) * NS_PER_S)
+    exposure_s = exposure_for_rate_s(
+        float(np.max(seen.rate_arcsec_s[in_time])), optics.scale_arcsec_px
+    )
+    cadence_s = ground_rate_cadence_s(ground, short_side_deg, exposure_s)
     exposed = config.exposure.model_copy(update={"exposure_s": exposure_s, "cadence_s": cadence_s})
     config = config.model_copy(update={"exposure": exposed})
     first = targets[0].element_set
@@ -159,7 +166,9 @@ def _believed(config: Config, hour_angle_deg: float, dec_deg: float) -> tuple[fl
     return hour_angle_deg + east_deg / cos_dec, dec_deg - north_deg
 
 
-def _off_centre(config: Config, centre: tuple[float, float], places: Places, index: int) -> float:
+def _off_centre(
+    config: Config, centre: tuple[float, float], places: SkyPlaces, index: int
+) -> float:
     """Distance of a place from the centre, in half fields: 1 is the edge, whichever is nearer."""
     optics = config.optics
     wcs = tan_wcs(

@@ -1,8 +1,8 @@
-"""A night of chosen satellites: time, site and exposures in one record that JSON can carry.
+"""A night of chosen satellites: time, site and exposures in one JSON-compatible record.
 
-For satellites that no scenario has; the time is the user's or that of ``_visibility``. The
-simulated observatory, a separate process, makes a ``Scenario`` from the plan and the same element
-files; every object in the files is in the simulated sky.
+For satellites that no named scenario has. The simulated observatory, a separate process, makes a
+``Scenario`` from the plan and the same element files; every object in the files is in the simulated
+sky.
 """
 
 import math
@@ -11,18 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.base import ConfigError
-from rsoconsole.orbits import CatalogueEntry, Satellite, nearest_in_epoch_of_each, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, Satellite, nearest_epoch_entries, parse_catalogue
 from rsoconsole.records import Site
 from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.sky import StarCatalogue
 
 STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.3, "HEO": 12.5, "LEO": 13.3}
-"""Magnitude fully lit at 36,000 km: common values, chosen, not measured. A navigation satellite of
-12.0 at 20,200 km (12.7 half turned away), a rocket body of 4.7 and a low payload of 5.5 at
-1,000 km."""
+"""Magnitude fully lit at 36,000 km, by orbit: common values, chosen, not measured."""
 
 
-def satellite_of(entry: CatalogueEntry) -> Satellite:
+def satellite_from_entry(entry: CatalogueEntry) -> Satellite:
     """The satellite of a catalogue entry, with the typical brightness of its regime."""
     return Satellite(entry, STANDARD_MAGNITUDE[regime(entry)])
 
@@ -37,14 +35,12 @@ class NightPlan:
     targets: tuple[int, ...]
     """Catalogue numbers of the targets; the telescope is pointed at the first."""
     names: tuple[str, ...]
-    """Names of the targets."""
     start_hour_angle_deg: float
     """Hour angle of date that the mount reports at the night's start."""
     start_declination_deg: float
     exposure_s: float
     cadence_s: float
     frames: int
-    """Number of exposures for which the night was chosen."""
     element_files: tuple[str, ...]
     star_file: str | None
     """Whole-sky index file whose stars are drawn; None: the shipped stars near the equator."""
@@ -73,11 +69,11 @@ def regime(entry: CatalogueEntry) -> str:
     return "GEO" if 0.9 <= entry.revolutions_a_day <= 1.1 else "MEO"
 
 
-def scenario_of(plan: NightPlan) -> Scenario:
-    """The scenario of a plan: every object of its element files is in the sky.
+def scenario_from_plan(plan: NightPlan) -> Scenario:
+    """Return the scenario of a plan; every object of its element files is in the sky.
 
-    Of several element sets of one object, the nearest in epoch is used. Raises ConfigError for a
-    file that has changed since the plan was made, OrbitError for a file that cannot be read.
+    Of several element sets of one object, the nearest in epoch is used. Raises ConfigError for an
+    unreadable file or one that lacks a target, OrbitError for invalid elements.
     """
     entries: list[CatalogueEntry] = []
     for name in plan.element_files:
@@ -85,7 +81,7 @@ def scenario_of(plan: NightPlan) -> Scenario:
             entries.extend(parse_catalogue(Path(name).read_text(encoding="utf-8"), name))
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{name} cannot be read: {error}") from error
-    nearest = nearest_in_epoch_of_each(entries, plan.t_start_utc_ns)
+    nearest = nearest_epoch_entries(entries, plan.t_start_utc_ns)
     usable = [each for each in nearest if not each.record.error]
     if not set(plan.targets) <= {each.norad_id for each in usable}:
         raise ConfigError("the element files have changed since the night was chosen: start again")
@@ -107,7 +103,7 @@ def scenario_of(plan: NightPlan) -> Scenario:
     )
 
 
-def stars_of(plan: NightPlan) -> StarCatalogue:
+def load_stars_for_plan(plan: NightPlan) -> StarCatalogue:
     """Catalogue of the stars that are drawn in the plan's night."""
     if plan.star_file is None:
         return StarCatalogue.load()
@@ -124,7 +120,7 @@ MOVES_FIELDS = 0.25
 """Largest motion of a target over the ground between exposures, in short sides of the field."""
 
 
-def exposure_for(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
+def exposure_for_rate_s(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
     """Exposure in seconds for a target of this rate, rounded down to two digits.
 
     10 s, but shorter where the streak would exceed ``STREAK_PX``, and up to 30 s where it would not
@@ -137,13 +133,13 @@ def exposure_for(rate_arcsec_s: float, scale_arcsec_px: float) -> float:
     return round(math.floor(wanted_s / step + 1e-9) * step, 6)
 
 
-def cadence_for(
+def ground_rate_cadence_s(
     ground_rate_arcsec_s: float, short_side_deg: float, exposure_s: float = USUAL_EXPOSURE_S
 ) -> float:
-    """Time from start to start of exposures for a target of this rate over the ground, s.
+    """Return the time between starts of exposures, s, for a target of this rate over ground.
 
-    The target moves by ``MOVES_FIELDS`` short sides meanwhile; within 6 and 30 s, longer for a long
-    exposure.
+    In that time the target moves by ``MOVES_FIELDS`` of the field's short side. The cadence is 6 to
+    30 s, longer only for long exposures.
     """
     moves_s = MOVES_FIELDS * short_side_deg * 3600.0 / max(ground_rate_arcsec_s, 1e-6)
     wanted_s = min(LONGEST_CADENCE_S, max(SHORTEST_CADENCE_S, moves_s))

@@ -1,17 +1,17 @@
 """Named nights of the simulated observatory: site, time, satellites and weather.
 
 Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20230622.tle``.
-Magnitudes are what such satellites commonly show, chosen, not measured.
+Magnitudes are typical values for such satellites, not measurements.
 """
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-from rsoconsole.base import ConfigError, resource
+from rsoconsole.base import ConfigError, resource_path
 from rsoconsole.orbits import CatalogueEntry, ElementSet, parse_elements
 from rsoconsole.records import Site
-from rsoconsole.simulator.sky.brightness import BrightnessHistory, Turning
+from rsoconsole.simulator.sky.brightness import BrightnessHistory, PeriodicFading
 from rsoconsole.simulator.sky.clouds import CloudDeck
 from rsoconsole.sky import iso_to_utc_ns
 
@@ -36,7 +36,7 @@ class ScenarioSatellite:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """One night: all that is the same for every seed."""
+    """One night's fixed settings, the same for every seed."""
 
     name: str
     title: str
@@ -63,14 +63,16 @@ class Scenario:
 
     @property
     def target(self) -> ScenarioSatellite | None:
-        """The satellite that the telescope is meant to find."""
+        """Satellite that the telescope is meant to find; None where the scenario has no such
+        one.
+        """
         wanted = self.target_norad_id
         return next((s for s in self.satellites if s.element_set.norad_id == wanted), None)
 
     def start_hour_angle_for(self, field_width_deg: float) -> float:
-        """Hour angle of the first pointing for a field of this width.
+        """Return the first pointing's hour angle, deg, for a field of this width.
 
-        As many field widths from the target as ``start_hour_angle_deg`` is with the paper's field.
+        Its offset from the target, in field widths, is as with the paper's field.
         """
         if self.target_hour_angle_deg is None:
             return self.start_hour_angle_deg
@@ -96,7 +98,7 @@ def all_scenarios() -> dict[str, Scenario]:
 
 def elements_path() -> Path:
     """Path of the element sets from which the scenarios' satellites are propagated."""
-    return resource("simulator", "data", "belt_20230622.tle")
+    return resource_path("simulator", "data", "belt_20230622.tle")
 
 
 @lru_cache(maxsize=1)
@@ -128,11 +130,12 @@ def _intelsat_14() -> Scenario:
     does not turn like this. A star under an end of the streak takes another frame.
 
     Real objects between 2 and 3 deg away (Intelsat 11, Intelsat 32e, WGS F3, SES 14) are left
-    out, so that the sweep can meet only one; the neighbours kept lie beyond its ends."""
+    out, so that the sweep can meet only one; the neighbours kept lie beyond its ends.
+    """
     fading = BrightnessHistory(
         schedule=((0.0, 0.0), (930.0, 0.0), (1110.0, 5.0)),
         # Steeper slopes would hide one end of a streak and shift its middle.
-        turning=Turning(
+        turning=PeriodicFading(
             period_s=600.0, first_s=330.0, depth_mag=2.5, sharpness=3, jitter_s=20.0, last_s=400.0
         ),
     )
@@ -153,7 +156,8 @@ def _ses_10() -> Scenario:
     """The paper takes the most confident of two detections. SES-17 is made so faint that its
     confidence is the lower one and not every frame shows it: two equally bright satellites would
     leave to chance which is locked. It begins after a star has passed under the streak of SES-10,
-    which would leave the first frame to the rival."""
+    which would leave the first frame to the rival.
+    """
     return Scenario(
         name="ses-10",
         title="SES-10 with SES-17 beside it",
@@ -171,7 +175,8 @@ def _intelsat_21() -> Scenario:
     """A smooth veil thickens again and again until the confidence is near tau, and one thick
     patch hides the satellite some 150 s after lock.
 
-    Amazonas 6, at the time 1.1 deg west of Intelsat 21, is left out."""
+    Amazonas 6, at the time 1.1 deg west of Intelsat 21, is left out.
+    """
     return Scenario(
         name="intelsat-21",
         title="Intelsat 21 through thin clouds",

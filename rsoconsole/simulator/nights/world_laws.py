@@ -18,7 +18,6 @@ class SettingDistribution:
     """Distribution from which random worlds draw one setting."""
 
     name: str
-    """Dotted name, e.g. ``stars.drift_px``."""
     low: float
     high: float
     """Upper bound; equal to ``low`` for a constant."""

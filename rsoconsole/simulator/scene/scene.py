@@ -16,38 +16,42 @@ from rsoconsole.config import OpticsConfig
 from rsoconsole.orbits import Satellite
 from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.simulator.camera.rendering import FieldContent, FramePixels, frame_rng, render
-from rsoconsole.simulator.camera.sensor import SHUTTER_SIGMA_S, SensorModel, air_sigma_arcsec
+from rsoconsole.simulator.camera.sensor import (
+    SHUTTER_SIGMA_S,
+    SensorModel,
+    atmospheric_shift_sigma_arcsec,
+)
 from rsoconsole.simulator.camera.truth import (
     FrameTruth,
     clock_offset_s,
     header_start_utc_ns,
     reported_start_utc_ns,
-    true_shutter,
+    true_exposure_timing,
 )
 from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.simulator.scene.world_scene import (
-    blurred,
-    clouds_in,
-    moonlit,
-    moved_stars_arcsec,
+    clouds_in_world,
     plate_in_motion,
-    plate_of,
     seeing_arcsec,
-    sensor_in,
-    with_pattern,
+    sensor_in_world,
+    star_displacements_arcsec,
+    undisturbed_plate,
+    with_defocus_and_motion,
+    with_moonlight,
+    with_row_and_column_offsets,
 )
-from rsoconsole.simulator.sky.brightness import flash_nodes, world_extra_mag
-from rsoconsole.simulator.sky.other_objects import Nearby, traffic
+from rsoconsole.simulator.sky.brightness import flash_sample_count, world_extra_mag
+from rsoconsole.simulator.sky.other_objects import NearbySatelliteSearch, draw_traffic
 from rsoconsole.simulator.sky.passes import (
     MARGIN_PX,
     NODES,
     ExposureGeometry,
     ExtraMagnitude,
-    dimmed,
+    dim_streak,
     satellite_passes,
     satellite_truth,
 )
-from rsoconsole.simulator.sky.star_background import faint_stars, places_now
+from rsoconsole.simulator.sky.star_background import faint_stars, star_positions_at
 from rsoconsole.simulator.world.world import DEFAULT_WORLD, World
 from rsoconsole.sky import (
     IntArray,
@@ -92,22 +96,22 @@ class Scene:
         self.site = scenario.site
         self.world = world
         self._plain_sensor = _sensor_of(optics, sensor or SensorModel())
-        self.sensor = sensor_in(world, self._plain_sensor)
-        self.clouds = clouds_in(world.clouds, seed, scenario.clouds)
+        self.sensor = sensor_in_world(world, self._plain_sensor)
+        self.clouds = clouds_in_world(world.clouds, seed, scenario.clouds)
         self.catalogue = StarCatalogue.load() if catalogue is None else catalogue
         self.satellites = tuple(
             Satellite(each.element_set, each.standard_magnitude) for each in scenario.satellites
         )
-        self._nearby = Nearby(self.satellites)
+        self._nearby = NearbySatelliteSearch(self.satellites)
 
     def binned(self, factor: int) -> "Scene":
-        """The scene with its pixels joined further, ``factor`` by ``factor``."""
+        """Return this scene with its pixels binned further, ``factor`` by ``factor``."""
         joined = self.world.sensor.model_copy(
             update={"binning": factor * self.world.sensor.binning}
         )
         other, plain = copy.copy(self), self._plain_sensor
         other.world = self.world.model_copy(update={"sensor": joined})
-        other.sensor = sensor_in(
+        other.sensor = sensor_in_world(
             other.world,
             replace(
                 plain,
@@ -123,7 +127,7 @@ class Scene:
         half_px = 0.5 * math.hypot(self.sensor.width_px, self.sensor.height_px)
         return (half_px + MARGIN_PX) * self.sensor.scale_arcsec_px / 3600.0
 
-    def sky_notice(self, dec_icrs_deg: float) -> str | None:
+    def empty_sky_message(self, dec_icrs_deg: float) -> str | None:
         """Why a frame at this declination shows no stars, with the remedy; None if it has stars."""
         if self.catalogue.covers(dec_icrs_deg):
             return None
@@ -151,7 +155,7 @@ class Scene:
         """
         t_night_utc_ns = self.scenario.t_start_utc_ns
         boresight = (boresight_ra_icrs_deg, boresight_dec_icrs_deg)
-        plate = plate_of(self.world, self.sensor, boresight, rotation_deg, is_flipped)
+        plate = undisturbed_plate(self.world, self.sensor, boresight, rotation_deg, is_flipped)
         wcs, motion = plate_in_motion(
             self.world,
             plate,
@@ -164,12 +168,12 @@ class Scene:
         offset_s = clock_offset_s(self.world, t_start_utc_ns, t_night_utc_ns)
         t_sky_utc_ns = t_start_utc_ns + round(offset_s * NS)
         content = self.field_content(wcs, t_sky_utc_ns, exposure_s, t_seed_utc_ns=t_start_utc_ns)
-        content = blurred(content, self.world, self.sensor, motion)
+        content = with_defocus_and_motion(content, self.world, self.sensor, motion)
         air = frame_rng(self.seed, t_start_utc_ns, _SHUTTER)
-        wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
+        wander_px = atmospheric_shift_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         own_s = self.world.shutter.scatter_s
         scatter_s = float(air.normal(0.0, SHUTTER_SIGMA_S if own_s is None else own_s))
-        true = true_shutter(self.world, scatter_s, t_start_utc_ns, t_night_utc_ns)
+        true = true_exposure_timing(self.world, scatter_s, t_start_utc_ns, t_night_utc_ns)
         reported_utc_ns = reported_start_utc_ns(self.world, t_start_utc_ns)
         motion_nodes = 1 if motion is None else len(motion.dx_px)
         sight = ExposureGeometry(
@@ -182,16 +186,18 @@ class Scene:
             wander_px=(float(air.normal(0.0, wander_px)), float(air.normal(0.0, wander_px))),
             true=true,
             motion=motion,
-            nodes=max(NODES, flash_nodes(self.world.satellite, exposure_s), motion_nodes),
+            nodes=max(NODES, flash_sample_count(self.world.satellite, exposure_s), motion_nodes),
         )
         passes = satellite_passes(self._with_brightness(wcs, t_sky_utc_ns, exposure_s), sight)
         dimming = self._air_transmission(wcs, t_sky_utc_ns)
-        crossing, crossed = traffic(
+        crossing, crossed = draw_traffic(
             self.world.traffic, self.seed, t_start_utc_ns, self.sensor, content
         )
-        seen = tuple(dimmed(each.streak, dimming) for each in passes)
+        seen = tuple(dim_streak(each.streak, dimming) for each in passes)
         content = replace(content, streaks=(*seen, *crossing))
-        content = with_pattern(content, self.world, self.sensor, self.seed, t_start_utc_ns)
+        content = with_row_and_column_offsets(
+            content, self.world, self.sensor, self.seed, t_start_utc_ns
+        )
         pixels = render(self.sensor, content, frame_rng(self.seed, t_start_utc_ns, _NOISE))
         satellites = tuple(satellite_truth(each, self.sensor, content, dimming) for each in passes)
         grid = content.cloud_transmission
@@ -239,7 +245,7 @@ class Scene:
         t_seed_utc_ns = t_start_utc_ns if t_seed_utc_ns is None else t_seed_utc_ns
         content = self._empty_field(wcs, t_start_utc_ns, exposure_s, t_seed_utc_ns)
         air = frame_rng(self.seed, t_seed_utc_ns, _AIR)
-        wander_px = air_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
+        wander_px = atmospheric_shift_sigma_arcsec(exposure_s) / self.sensor.scale_arcsec_px
         x_px, y_px, magnitude = self._stars(wcs, t_start_utc_ns)
         x_px, y_px = (at + air.normal(0.0, wander_px, at.shape) for at in (x_px, y_px))
         dimming = self._air_transmission(wcs, t_start_utc_ns)
@@ -273,7 +279,7 @@ class Scene:
             cloud_transmission=self._clouds(wcs, t_start_utc_ns, exposure_s),
             cosmic_rays=self.scenario.cosmic_rays_s * exposure_s * frame_area,
         )
-        return moonlit(content, self.world.moon)
+        return with_moonlight(content, self.world.moon)
 
     def _airmass(self, wcs: Wcs, t_utc_ns: int) -> float:
         altitude, _ = icrs_to_altaz(self.site, wcs.crval_ra_deg, wcs.crval_dec_deg, t_utc_ns)
@@ -308,10 +314,10 @@ class Scene:
         is_covered = (faint.dec_icrs_deg >= self.catalogue.dec_min_deg) & (
             faint.dec_icrs_deg <= self.catalogue.dec_max_deg
         )
-        east, north = moved_stars_arcsec(
+        east, north = star_displacements_arcsec(
             self.world.catalogue, bright.ra_icrs_deg, bright.dec_icrs_deg
         )
-        bright_ra, bright_dec = places_now(bright, t_utc_ns)
+        bright_ra, bright_dec = star_positions_at(bright, t_utc_ns)
         bright_ra = bright_ra + east / 3600.0 / np.cos(np.radians(bright_dec))
         bright_dec = bright_dec + north / 3600.0
         ras = np.concatenate([bright_ra, faint.ra_icrs_deg[is_covered]])

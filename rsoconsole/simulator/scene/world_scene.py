@@ -10,10 +10,10 @@ from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.simulator.camera.motion import ImageMotion, image_motion
 from rsoconsole.simulator.camera.psf import (
     FWHM_PER_SIGMA,
-    distorted,
-    east_px,
+    east_unit_vector_px,
     image_shift_px,
-    shifted,
+    with_radial_distortion,
+    with_shifted_image,
 )
 from rsoconsole.simulator.camera.rendering import FieldContent, Float32Array, frame_rng
 from rsoconsole.simulator.camera.sensor import (
@@ -38,7 +38,7 @@ _CLOUD_STRUCTURE = 0.2
 _RING_OBSTRUCTION = 0.45
 
 
-def binned(optics: OpticsConfig, world: World) -> OpticsConfig:
+def binned_optics(optics: OpticsConfig, world: World) -> OpticsConfig:
     """Configured optics with the world's binning: fewer and larger pixels."""
     factor = world.sensor.binning
     if factor == 1:
@@ -52,11 +52,11 @@ def binned(optics: OpticsConfig, world: World) -> OpticsConfig:
     )
 
 
-def sensor_in(world: World, sensor: SensorModel) -> SensorModel:
-    """The sensor with the world's imperfections; its size and pixel pitch are binned already.
+def sensor_in_world(world: World, sensor: SensorModel) -> SensorModel:
+    """Return the sensor with the world's imperfections; its size and pitch are binned already.
 
-    Binning averages pixel values: a joined pixel holds factor^2 as many electrons per ADU and in
-    its full well. With another number of bits a full well still is full scale.
+    Binning averages pixel values: a binned pixel has factor^2 as many electrons per ADU and in its
+    full well. Another number of bits leaves the full well at full scale.
     """
     own, factor = world.sensor, world.sensor.binning
     steps = 2.0**own.bits / 2.0**sensor.adc_bits
@@ -80,8 +80,8 @@ def sensor_in(world: World, sensor: SensorModel) -> SensorModel:
     )
 
 
-def clouds_in(world: CloudsWorld, seed: int, own: CloudDeck) -> CloudDeck:
-    """The night's clouds: the world's banks at random times, or ``own`` where the rate is 0."""
+def clouds_in_world(world: CloudsWorld, seed: int, own: CloudDeck) -> CloudDeck:
+    """Return the world's random cloud banks, or the scenario's clouds ``own`` at rate 0."""
     if world.rate_h <= 0.0:
         return own
     rng = frame_rng(seed, _CLOUDS)
@@ -106,8 +106,8 @@ def seeing_arcsec(world: SeeingWorld, own_arcsec: float, since_night_s: float) -
     return float(fwhm * (1.0 + world.drift_percent_h / 100.0) ** (since_night_s / 3600.0))
 
 
-def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
-    """The field with the Moon's brightening and gradient of the sky."""
+def with_moonlight(content: FieldContent, moon: MoonWorld) -> FieldContent:
+    """Return the field with a sky brightened by the Moon, and with the Moon's gradient."""
     if moon.brightening_mag == moon.gradient == 0.0:
         return content
     angle = math.radians(moon.gradient_angle_deg)
@@ -121,7 +121,7 @@ def moonlit(content: FieldContent, moon: MoonWorld) -> FieldContent:
     )
 
 
-def moved_stars_arcsec(
+def star_displacements_arcsec(
     world: CatalogueWorld, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Displacement (east, north), each (n,), of stars from the catalogue's positions of 1991.
@@ -140,10 +140,10 @@ def moved_stars_arcsec(
     )
 
 
-def with_pattern(
+def with_row_and_column_offsets(
     content: FieldContent, world: World, sensor: SensorModel, seed: int, t_start_utc_ns: int
 ) -> FieldContent:
-    """The field with random offsets of rows and columns, scaled by the noise of a pixel of sky.
+    """Return the field with random offsets of rows and columns, multiples of the sky's noise.
 
     Row offsets differ from frame to frame, column offsets last all night.
     """
@@ -165,21 +165,21 @@ def with_pattern(
 
 def pixel_noise_e(sensor: SensorModel, content: FieldContent) -> float:
     """One sigma of the noise of a pixel of empty sky in the middle of the frame, electrons."""
-    sky_e = content.sky_electrons_px * sensor.mean_response
+    sky_e = content.sky_electrons_px * sensor.mean_filter_transmission
     dark_e = sensor.dark_e_s * content.exposure_s
     return math.sqrt(sky_e + dark_e + sensor.read_noise_e**2 + sensor.e_per_adu12**2 / 12.0)
 
 
-def plate_of(
+def undisturbed_plate(
     world: World,
     sensor: SensorModel,
     boresight_icrs_deg: tuple[float, float],
     rotation_deg: float,
     is_flipped: bool,
 ) -> Wcs:
-    """Plate of an image that points exactly at the boresight and does not move.
+    """Return the plate of an image without motion, centred exactly on the boresight.
 
-    It has the world's scale error (through ``sensor``) and distortion.
+    It has the world's distortion, and the world's scale error by way of ``sensor``.
     """
     wcs = tan_wcs(
         *boresight_icrs_deg,
@@ -189,7 +189,7 @@ def plate_of(
         width_px=sensor.width_px,
         height_px=sensor.height_px,
     )
-    return distorted(wcs, world.optics.distortion)
+    return with_radial_distortion(wcs, world.optics.distortion)
 
 
 def plate_in_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, when, how long
@@ -208,18 +208,18 @@ def plate_in_motion(  # noqa: PLR0917 - drawn the way it is spoken: of what, whe
     (2, k) as in ``Scene.expose``.
     """
     mount_px = None if mount_path_arcsec is None else image_shift_px(plate, *mount_path_arcsec)
-    east = east_px(plate)
+    east = east_unit_vector_px(plate)
     found = image_motion(world, *key, exposure_s, since_night_s, scale_arcsec_px, east, mount_px)
     if found is None:
         return plate, None
     motion, mean_px = found
-    return shifted(plate, mean_px), motion
+    return with_shifted_image(plate, mean_px), motion
 
 
-def blurred(
+def with_defocus_and_motion(
     content: FieldContent, world: World, sensor: SensorModel, motion: ImageMotion | None
 ) -> FieldContent:
-    """The field with the world's defocus and this motion of the image (None: still)."""
+    """Return the field blurred by the world's defocus and the image's motion (None: still)."""
     ring_px = world.focus.ring_px
     if motion is None and ring_px == 0.0:
         return content
@@ -229,7 +229,7 @@ def blurred(
     return replace(
         content,
         defocus_px=ring_px,
-        stands=None if motion is None else motion.stands(sigma_px, reach_px),
+        stands=None if motion is None else motion.positions_with_dwell(sigma_px, reach_px),
         # The ring with the dark middle that ``psf.annulus`` gives it, on one axis.
         blur_variance_px2=moving_px2 + ring_px**2 * (1.0 + _RING_OBSTRUCTION**2) / 4.0,
     )

@@ -1,8 +1,8 @@
-"""Brightness of a satellite through a night, apart from range, phase and shadow.
+"""Extra magnitudes of a satellite through a night, on top of range, phase and shadow.
 
-A rotating satellite shows a bright and a dark side in turn; a panel that leaves the specular
-direction fades for good. Both are extra magnitudes as functions of time, so that exposures can be
-drawn in any order.
+A rotating satellite shows a bright and a dark side in turn; one whose panel stops reflecting the
+Sun towards the site fades for the rest of the night. Both are functions of time, so that exposures
+can be drawn in any order.
 """
 
 import math
@@ -18,7 +18,7 @@ _STREAM = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turning:
+class PeriodicFading:
     """Slow rotation with one dark side: fades of equal shape at equal intervals."""
 
     period_s: float
@@ -48,7 +48,7 @@ class BrightnessHistory:
 
     schedule: tuple[tuple[float, float], ...] = ()
     """Nodes (seconds since the scenario's start, magnitudes lost), linear in between."""
-    turning: Turning | None = None
+    turning: PeriodicFading | None = None
 
     def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:
         """Magnitudes lost (n,) at these seconds after the scenario's start."""
@@ -81,8 +81,8 @@ def world_extra_mag(world: SatelliteWorld, seed: int, norad_id: int, t_s: FloatA
     return np.asarray(extra, dtype=np.float64)
 
 
-def flash_nodes(world: SatelliteWorld, exposure_s: float) -> int:
-    """Number of instants along an exposure that resolve the world's flashes: odd, 1 without any."""
+def flash_sample_count(world: SatelliteWorld, exposure_s: float) -> int:
+    """Return the odd number of instants of an exposure that resolve flashes; 1: no flashes."""
     if world.flash_period_s <= 0.0:
         return 1
     steps = math.ceil(exposure_s / world.flash_period_s * _STEPS_A_FLASH)

@@ -25,10 +25,10 @@ _LOW_SATELLITE_PEAK = (4.0, 60.0)
 _AIRCRAFT_PEAK = (8.0, 80.0)
 
 
-def traffic(
+def draw_traffic(
     world: TrafficWorld, seed: int, t_start_utc_ns: int, sensor: SensorModel, content: FieldContent
 ) -> tuple[tuple[Streak, ...], tuple[TrafficTruth, ...]]:
-    """Streaks of aircraft and low satellites that cross this exposure, and their truth.
+    """Draw aircraft and low satellites that cross this exposure; return streaks and truth.
 
     Their numbers are Poisson-distributed with the world's rates as means.
     """
@@ -95,7 +95,7 @@ _MARGIN_S = 2.0
 _RATE_GROWTH = 2.0
 
 
-class Nearby:
+class NearbySatelliteSearch:
     """Search for the satellites near a direction; a whole catalogue takes a few milliseconds."""
 
     def __init__(self, satellites: Sequence[Satellite]) -> None:
@@ -109,10 +109,10 @@ class Nearby:
         centre_icrs_deg: tuple[float, float],
         radius_deg: float,
     ) -> list[int]:
-        """Indices of the satellites that may come within a radius of a direction in an exposure.
+        """Return the indices of satellites that may come within a radius of a direction.
 
-        Every satellite that does is included: the radius is widened by each satellite's motion.
-        Satellites for which SGP4 fails are left out.
+        The radius is widened by each satellite's motion during the exposure, so that none is
+        missed. Satellites for which SGP4 fails are left out.
         """
         if self._records is None:
             return []

@@ -10,11 +10,11 @@ from rsoconsole.orbits import Satellite
 from rsoconsole.records import FloatArray, Site, Wcs
 from rsoconsole.simulator.camera.motion import ImageMotion
 from rsoconsole.simulator.camera.psf import FWHM_PER_SIGMA, WINGS
-from rsoconsole.simulator.camera.rendering import FieldContent, Streak, cloud_at
+from rsoconsole.simulator.camera.rendering import FieldContent, Streak, transmission_at
 from rsoconsole.simulator.camera.sensor import SensorModel, vignetting
 from rsoconsole.simulator.camera.streak_snr import integrated_snr
-from rsoconsole.simulator.camera.truth import SatelliteTruth, TrueShutter
-from rsoconsole.sky import IntArray, Places, lit_fraction, sky_to_pixel
+from rsoconsole.simulator.camera.truth import SatelliteTruth, TrueExposureTiming
+from rsoconsole.sky import IntArray, SkyPlaces, lit_fraction, sky_to_pixel
 
 ExtraMagnitude = Callable[[IntArray], FloatArray]
 """Function from instants (n,), UTC ns, to magnitudes (n,) that a satellite has lost by itself."""
@@ -61,7 +61,7 @@ class ExposureGeometry:
     """Small delay of the shutter's opening, applied where ``true`` is None."""
     wander_px: tuple[float, float] = (0.0, 0.0)
     """Displacement (dx, dy) of the whole streak by the atmosphere."""
-    true: TrueShutter | None = None
+    true: TrueExposureTiming | None = None
     """True timing where clock or shutter are imperfect; None: ``shutter_error_s`` describes it."""
     motion: ImageMotion | None = None
     nodes: int = NODES
@@ -76,10 +76,10 @@ class ExposureGeometry:
 def satellite_passes(
     satellites: Iterable[tuple[Satellite, ExtraMagnitude]], sight: ExposureGeometry
 ) -> tuple[SatellitePass, ...]:
-    """Passes of the satellites whose streak comes within ``MARGIN_PX`` of the sensor.
+    """Return the passes of satellites whose streak comes within ``MARGIN_PX`` of the sensor.
 
-    ``ra_icrs_deg`` and ``dec_icrs_deg`` are for the instants by the operator's clock, as a perfect
-    measurement with a perfect clock and shutter would give; the streak is for the true instants.
+    ``ra_icrs_deg`` and ``dec_icrs_deg`` of a pass are for the exposure as the operator's clock
+    times it; the streak is for the true times, with all errors of clock and shutter.
     """
     found = []
     for satellite, extra_mag in satellites:
@@ -120,7 +120,7 @@ def satellite_passes(
 
 def _way(
     satellite: Satellite, sight: ExposureGeometry
-) -> tuple[Places, Places, FloatArray, FloatArray, FloatArray]:
+) -> tuple[SkyPlaces, SkyPlaces, FloatArray, FloatArray, FloatArray]:
     """Places as the operator would name them, as truly seen, pixels, and the pace of time."""
     share = np.linspace(0.0, 1.0, sight.nodes)
     offsets = np.rint(share * sight.exposure_s * NS).astype(np.int64)
@@ -133,8 +133,8 @@ def _way(
 
 
 def _truly_seen(
-    satellite: Satellite, sight: ExposureGeometry, true: TrueShutter, share: FloatArray
-) -> tuple[Places, FloatArray, FloatArray, FloatArray]:
+    satellite: Satellite, sight: ExposureGeometry, true: TrueExposureTiming, share: FloatArray
+) -> tuple[SkyPlaces, FloatArray, FloatArray, FloatArray]:
     """Places, pixels, and how much time a step of the exposure takes, at the true instants.
 
     With a rolling shutter a satellite is seen at the time of the row on which it then is: solved
@@ -155,7 +155,7 @@ def _truly_seen(
 
 
 def _on_frame(
-    sight: ExposureGeometry, share: FloatArray, places: Places, later_s: float
+    sight: ExposureGeometry, share: FloatArray, places: SkyPlaces, later_s: float
 ) -> tuple[FloatArray, FloatArray]:
     x, y = sky_to_pixel(
         sight.wcs,
@@ -164,7 +164,7 @@ def _on_frame(
     )
     x, y = x + sight.wander_px[0], y + sight.wander_px[1]
     if sight.motion is not None:
-        x, y = sight.motion.moved(share, x, y, sight.centre_px)
+        x, y = sight.motion.displace_points(share, x, y, sight.centre_px)
     return x, y
 
 
@@ -178,7 +178,7 @@ def _nodes_for(x_px: FloatArray, y_px: FloatArray) -> int:
     return max(len(x_px), min(steps * finer + 1, _MAX_NODES))
 
 
-def dimmed(streak: Streak, transmission: float) -> Streak:
+def dim_streak(streak: Streak, transmission: float) -> Streak:
     """The streak with its electrons multiplied by a transmission."""
     return replace(streak, electrons=streak.electrons * transmission)
 
@@ -186,13 +186,13 @@ def dimmed(streak: Streak, transmission: float) -> Streak:
 def satellite_truth(
     each: SatellitePass, sensor: SensorModel, content: FieldContent, air_transmission: float
 ) -> SatelliteTruth:
-    """Truth of one satellite's streak in this field.
+    """Return the true values of one satellite's streak in this field.
 
-    ``air_transmission``: by the cloudless air, relative to the zenith.
+    ``air_transmission``: fraction transmitted by the cloudless air, relative to the zenith.
     """
     x, y = each.streak.x_px, each.streak.y_px
     middle = len(x) // 2
-    clouds = float(np.mean(cloud_at(sensor, content.cloud_transmission, x, y)))
+    clouds = float(np.mean(transmission_at(sensor, content.cloud_transmission, x, y)))
     electrons = each.streak.electrons * air_transmission * clouds
     is_lit = each.streak.electrons > 0.0
     rate = each.streak.electrons / content.exposure_s
@@ -218,7 +218,7 @@ def satellite_truth(
         electrons=electrons,
         snr_peak_pixel=peak,
         snr_matched=matched,
-        snr_integrated=integrated_snr(sensor, content, dimmed(each.streak, air_transmission)),
+        snr_integrated=integrated_snr(sensor, content, dim_streak(each.streak, air_transmission)),
     )
 
 
@@ -233,7 +233,7 @@ def _signal_to_noise(
     middle = len(x) // 2
     length_px = max(float(np.hypot(np.diff(x), np.diff(y)).sum()), 1.0)
     flat = vignetting(sensor, x[middle : middle + 1], y[middle : middle + 1])
-    flat = flat * sensor.mean_response
+    flat = flat * sensor.mean_filter_transmission
     sigma_px = math.sqrt(
         (content.fwhm_px / FWHM_PER_SIGMA) ** 2 + 1.0 / 12.0 + content.blur_variance_px2
     )

@@ -49,7 +49,7 @@ def faint_stars(
         numbers = sorted({each % count for each in range(first, last + 1)})
         cells += [_cell(band, cell, faintest_magnitude) for cell in numbers]
     ra, dec, magnitude = (np.concatenate(column) for column in zip(*cells, strict=True))
-    return Stars.at_rest(ra, dec, magnitude)
+    return Stars.without_proper_motion(ra, dec, magnitude)
 
 
 def _cells_in_band(band: int) -> int:
@@ -84,10 +84,10 @@ def _log_count(latitude_deg: float) -> FloatArray:
     return np.asarray(_LOG_COUNT_POLE + (_LOG_COUNT_PLANE - _LOG_COUNT_POLE) * towards_plane)
 
 
-def places_now(stars: Stars, t_utc_ns: int) -> tuple[FloatArray, FloatArray]:
-    """Positions (RA, Dec) at an instant of stars given at J2000.0, by their proper motions.
+def star_positions_at(stars: Stars, t_utc_ns: int) -> tuple[FloatArray, FloatArray]:
+    """Return RA and Dec, deg, of stars moved from J2000.0 to an instant by proper motion.
 
-    By SOFA's routine: independent of the code with which measurements are reduced.
+    By SOFA's routine, independent of the code that reduces measurements.
     """
     arcsec = math.radians(1.0 / 3600.0)
     zero = np.zeros(len(stars))

@@ -1,6 +1,6 @@
-"""Imperfections of a simulated night, each a named setting with its unit.
+"""Settings of a simulated night's imperfections, each with its name and unit.
 
-A world without settings is the scenario's own night, bit for bit. ``load_world`` and
+A world without settings leaves the scenario unchanged, bit for bit. ``load_world`` and
 ``world_to_toml`` read and write worlds as TOML; ``world_laws.random_world`` draws them.
 """
 
@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from rsoconsole.base import ConfigError
-from rsoconsole.config import limits_of, read_toml
+from rsoconsole.config import allowed_words, read_toml
 
 
 def _setting(default: Any, unit: str, description: str, *, own: str = "", **limits: Any) -> Any:
@@ -29,7 +29,7 @@ class _Part(BaseModel):
 
 
 class ShutterWorld(_Part):
-    """When the shutter really opens, against what the driver writes into DATE-OBS."""
+    """Errors of the shutter's opening relative to DATE-OBS in the header."""
 
     scatter_s: float | None = _setting(
         None, "s", "one sigma of the opening from frame to frame", own="0.015", ge=0, le=10
@@ -57,7 +57,7 @@ class ShutterWorld(_Part):
 
 
 class SeeingWorld(_Part):
-    """The air."""
+    """Blur and motion of the image by the air."""
 
     fwhm_arcsec: float | None = _setting(
         None, "arcsec", "of stars at the zenith, optics included", own="2.8", ge=0.5, le=30
@@ -76,7 +76,7 @@ class SeeingWorld(_Part):
 
 
 class FocusWorld(_Part):
-    """How sharp the telescope is."""
+    """Defocus of the telescope."""
 
     ring_px: float = _setting(
         0.0, "px", "radius of the ring that a point out of focus becomes", ge=0, le=40
@@ -84,7 +84,7 @@ class FocusWorld(_Part):
 
 
 class StarsWorld(_Part):
-    """What a mount that tracks imperfectly does to stars and satellites alike."""
+    """Tracking errors of the mount, which move stars and satellites alike."""
 
     drift_px: float = _setting(
         0.0, "px per 10 s", "polar error: every star trails so far", ge=0, le=200
@@ -99,7 +99,7 @@ class StarsWorld(_Part):
 
 
 class WindWorld(_Part):
-    """A telescope that shakes."""
+    """Shaking of the telescope by the wind."""
 
     rms_px: float = _setting(
         0.0, "px", "on each axis; correlated over 0.3 s, shared by all that is seen", ge=0, le=30
@@ -107,7 +107,7 @@ class WindWorld(_Part):
 
 
 class SensorWorld(_Part):
-    """The camera's chip and its electronics."""
+    """Noise, defects and format of the camera's sensor."""
 
     row_noise_sigma: float = _setting(
         0.0, "pixel noises", "one sigma of an offset of each row, new in every frame", ge=0, le=20
@@ -143,7 +143,7 @@ class SensorWorld(_Part):
 
 
 class ClockWorld(_Part):
-    """The observatory's clock against UTC."""
+    """Error of the observatory's clock relative to UTC."""
 
     offset_s: float = _setting(
         0.0, "s", "true UTC minus the observatory's clock at the start", ge=-600, le=600
@@ -152,7 +152,7 @@ class ClockWorld(_Part):
 
 
 class OpticsWorld(_Part):
-    """The telescope against what its configuration says."""
+    """Deviations of the telescope from its configuration."""
 
     scale_error: float = _setting(
         0.0, "of the focal length", "true focal length is longer by this share", ge=-0.2, le=0.2
@@ -173,7 +173,7 @@ class OpticsWorld(_Part):
 
 
 class CatalogueWorld(_Part):
-    """Where the stars of the index are now, against its places of 1991."""
+    """Displacements of the stars from their catalogue positions of 1991."""
 
     drift_arcsec: float = _setting(
         0.0, "arcsec", "by which all of them have moved together", ge=0, le=30
@@ -187,7 +187,7 @@ class CatalogueWorld(_Part):
 
 
 class MountWorld(_Part):
-    """How the mount arrives and stays."""
+    """Errors of the mount's pointing after slews, and its sudden shifts."""
 
     settle_s: float = _setting(
         0.0, "s", "it says that it has arrived, and creeps on for so long", ge=0, le=60
@@ -205,7 +205,7 @@ class MountWorld(_Part):
 
 
 class SatelliteWorld(_Part):
-    """Brightness of every satellite of the night."""
+    """Flashing and fading of every satellite of the night."""
 
     flash_period_s: float = _setting(
         0.0, "s", "they flash so often, each in its own phase; 0: steady", ge=0, le=3600
@@ -219,7 +219,7 @@ class SatelliteWorld(_Part):
 
 
 class CloudsWorld(_Part):
-    """Clouds that come and go; where they are named the scenario's own stay away."""
+    """Passing banks of clouds, which replace the clouds of the scenario."""
 
     rate_h: float = _setting(0.0, "1/h", "how many banks an hour", ge=0, le=60)
     duration_s: float = _setting(120.0, "s", "how long each one stays", ge=10, le=7200)
@@ -227,7 +227,7 @@ class CloudsWorld(_Part):
 
 
 class MoonWorld(_Part):
-    """The Moon's light in the sky."""
+    """Moonlight in the sky background."""
 
     brightening_mag: float = _setting(0.0, "mag", "by which the whole sky is brighter", ge=0, le=8)
     gradient: float = _setting(
@@ -239,7 +239,7 @@ class MoonWorld(_Part):
 
 
 class TrafficWorld(_Part):
-    """What else crosses the field."""
+    """Numbers of aircraft and low satellites that cross the field."""
 
     aircraft_rate: float = _setting(
         0.0, "a frame", "aircraft: wide trails with strobes, mean number", ge=0, le=10
@@ -250,7 +250,7 @@ class TrafficWorld(_Part):
 
 
 class FramesWorld(_Part):
-    """What becomes of frames on their way."""
+    """Losses and delays of frames between camera and client."""
 
     dropped_rate: float = _setting(
         0.0, "of all frames", "never delivered, and the driver says nothing", ge=0, le=1
@@ -263,7 +263,7 @@ class FramesWorld(_Part):
 
 
 class World(_Part):
-    """Imperfections of a night by section; the default is the scenario's own night."""
+    """Imperfections of a simulated night, by section; the defaults change nothing."""
 
     shutter: ShutterWorld = ShutterWorld()
     seeing: SeeingWorld = SeeingWorld()
@@ -286,13 +286,12 @@ class World(_Part):
         """The shutter's latency as known to the operator: rounded to 0.1 s."""
         return round(self.shutter.latency_s, 1)
 
-    def named(self) -> dict[str, dict[str, Any]]:
+    def non_default_settings(self) -> dict[str, dict[str, Any]]:
         """The settings that differ from their defaults, by section."""
         return self.model_dump(exclude_defaults=True)
 
 
 DEFAULT_WORLD = World()
-"""World with all settings at their defaults: the scenario's own night."""
 
 
 _SETTINGS = "settings such as [stars] drift_px = 12"
@@ -324,7 +323,7 @@ def world_from(table: Mapping[str, Any], source: str = "the world") -> World:
 def world_to_toml(world: World) -> str:
     """The settings that differ from their defaults, as TOML that ``load_world`` reads back."""
     lines: list[str] = []
-    for section, settings in world.named().items():
+    for section, settings in world.non_default_settings().items():
         lines += [
             f"[{section}]",
             *(f"{key} = {value_to_toml(value)}" for key, value in settings.items()),
@@ -368,7 +367,7 @@ def _fault_words(fault: Mapping[str, Any]) -> str:
         return f"there is no {kind} {name!r}: {_nearest(place, list(known))}"
     if name not in known:
         return f"{name} is a section: write [{name}] above its settings"
-    limits = limits_of(known[name])
+    limits = allowed_words(known[name])
     allowed = f"allowed: {limits} {unit_of(known[name])}".rstrip() if limits else fault["msg"]
     return f"{name} = {fault.get('input')!r} cannot be; {allowed}"
 

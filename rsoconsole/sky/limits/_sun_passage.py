@@ -1,9 +1,9 @@
-"""Passage of a slew by the Sun: the motion of both axes, in steps finer than the Sun's cone.
+"""Check of a slew's path against the Sun's cone, in steps finer than the cone.
 
-Both axes are assumed to start together at the same rate; the axis with less to go ends first. A
-real mount is a little different, so that either axis may also run ahead of the other: by half a
-second at full speed and by 5 % in rate. These extreme paths enclose all others, and paths between
-them are added where the cone is narrow, so that the gaps are smaller than the cone.
+Both axes are assumed to start together at the same rate; the axis with the shorter way ends first.
+A real mount is a little different: either axis may also run ahead of the other by half a second at
+full speed and by 5 % in rate. These extreme paths enclose all others; paths between them are added
+where the cone is narrow, so that the gaps are smaller than the cone.
 """
 
 from collections.abc import Iterator
@@ -19,16 +19,14 @@ from rsoconsole.sky.frames import PierSide
 POLE_DEG = 0.5
 """Distance from a pole, deg, within which the hour angle has no meaning."""
 PARKED_DEG = 0.02
-"""Distance from a pole, deg, within which the reported hour angle is noise: the mount is taken to
-be parked there."""
+"""Distance from a pole, deg, within which a mount counts as parked: its hour angle is noise."""
 POLE_PLACES = 9
-"""Number of places of the polar axis, evenly over its range; mounts are parked at the middle one: a
-German mount with its counterweight down, a fork at the meridian."""
+"""Number of places of the polar axis, evenly over its range; a parked mount is at the middle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlewPath:
-    """One slew as the motion of both axes, from and to angles of the axes in degrees."""
+    """Path of one slew: start and end angles of both axes, degrees."""
 
     polar_from_deg: float
     polar_to_deg: float
@@ -45,7 +43,7 @@ class SlewPath:
         )
 
 
-def polar_deg(hour_angle_deg: float, side: PierSide) -> float:
+def polar_angle_deg(hour_angle_deg: float, side: PierSide) -> float:
     """Angle of a German mount's polar axis, -270 to 90 deg; at -90 its counterweight is lowest."""
     turned_deg = hour_angle_deg if side == "west" else hour_angle_deg - 180.0
     return wrap_360(turned_deg - 90.0) - 270.0
@@ -54,8 +52,9 @@ def polar_deg(hour_angle_deg: float, side: PierSide) -> float:
 def declination_axis_deg(dec_deg: float, side: PierSide, latitude_deg: float) -> float:
     """Angle of the declination axis, degrees.
 
-    West of the pier it is the declination; east of it the axis stands beyond the elevated pole: at
-    180 minus the declination in the north, at -180 minus the declination in the south.
+    With the telescope west of the pier it is the declination. East of it the axis is beyond the
+    elevated pole: 180 minus the declination in the north, -180 minus the declination in the
+    south.
     """
     if side == "west":
         return dec_deg
@@ -70,12 +69,12 @@ def is_pole(declination_axis_deg: float, within_deg: float = POLE_DEG) -> bool:
     return abs(declination_axis_deg % 180.0 - 90.0) < within_deg
 
 
-def side_after(
+def pier_side_after_slew(
     hour_angle_deg: float, present: PierSide | None, flip_hysteresis_deg: float
 ) -> PierSide | None:
-    """Side of the pier on which a German mount ends a slew to this hour angle.
+    """Return the side of the pier on which a German mount ends a slew to this hour angle.
 
-    Less than ``flip_hysteresis_deg`` from the meridian it keeps its ``present`` side: None if
+    Within ``flip_hysteresis_deg`` of the meridian it keeps the side ``present``. None where that is
     unknown.
     """
     if abs(hour_angle_deg) < flip_hysteresis_deg:
@@ -90,13 +89,13 @@ def slew_paths(
     start: tuple[float, float, PierSide | None],
     target: tuple[float, float],
 ) -> Iterator[tuple[SlewPath, PierSide | None]]:
-    """Yield every path that a slew may take, with the side of the pier at its end (None: a fork).
+    """Yield each path that a slew may take, and the side of the pier after it (None: fork).
 
-    - start: hour angle, declination of date and side of the pier (None: unknown, both are taken)
-    - target: hour angle and declination; both sides are taken where it is a pole
+    - start: hour angle, declination of date and side of the pier (None: unknown, both are tried)
+    - target: hour angle and declination; at a pole both sides are tried
 
-    At a pole the hour angle says little of the polar axis. A mount that starts there is taken to
-    stand at the reported angle and at the parked one; one that goes there may end anywhere in its
+    At a pole the hour angle does not determine the polar axis. A mount that starts there is taken
+    to be at the reported angle or parked; one that ends there may end anywhere in the axis'
     range.
     """
     if mount.type == "fork":
@@ -111,11 +110,11 @@ def slew_paths(
     both: tuple[PierSide, ...] = ("west", "east")
     reach = (-180.0 - limits.past_meridian_deg, limits.past_meridian_deg)
     for side in both if start[2] is None else (start[2],):
-        chosen = side_after(target[0], side, mount.flip_hysteresis_deg) or side
-        here = (polar_deg(start[0], side), declination_axis_deg(start[1], side, latitude_deg))
+        chosen = pier_side_after_slew(target[0], side, mount.flip_hysteresis_deg) or side
+        here = (polar_angle_deg(start[0], side), declination_axis_deg(start[1], side, latitude_deg))
         for arrival in both if is_pole(target[1]) else (chosen,):
             there = (
-                polar_deg(target[0], arrival),
+                polar_angle_deg(target[0], arrival),
                 declination_axis_deg(target[1], arrival, latitude_deg),
             )
             for way in _polar_ways(here, there, reach):
@@ -147,8 +146,7 @@ def _polar_ways(
 
 
 LAG_S = 0.5
-"""Lag of one axis behind the other, s: ramps of T seconds make v T / 8 (a quarter of a second of
-full speed where they last 2 s), ramps that differ by a second half a second."""
+"""Lag of one axis behind the other, s: ramps that differ by a second make half a second."""
 RATE_SPREAD = 0.05
 NEARER_DEG = 0.05
 """Largest further approach to the Sun, deg, allowed to a path that begins inside the cone."""
@@ -174,14 +172,14 @@ def sun_passage(
     cone_deg: float,
     slew_rate_deg_s: float,
 ) -> SunPassage | None:
-    """Find where a slew's path comes too near to the Sun; None when it stays clear.
+    """Find the point of a slew's path that violates the Sun's cone most; None if none does.
 
     - A path that begins outside the cone must not enter it, however the axes run.
-    - A path that begins inside may not come nearer than it has been (by more than ``NEARER_DEG``)
-      until it is out; both axes are taken to run at one pace.
+    - A path that begins inside must not come nearer to the Sun than it has been (by more than
+      ``NEARER_DEG``) until it is out; both axes are taken to run at one pace.
 
-    The path is sampled in steps of 4 deg (both axes together), then of 0.5 and 0.05 deg where that
-    leaves a doubt: at most 0.025 deg of the cone are missed.
+    The path is sampled in steps of 4 deg (both axes together), then of 0.5 and 0.05 deg where the
+    result is in doubt: at most 0.025 deg of the cone are missed.
     """
     if cone_deg <= 0.0:
         return None
@@ -237,14 +235,14 @@ def _along(
     dec_gone_deg = np.minimum(np.where(is_polar_ahead, behind_deg, ahead_deg), dec_travel_deg)
     polar_sign = np.sign(way.polar_to_deg - way.polar_from_deg)
     dec_sign = np.sign(way.declination_to_deg - way.declination_from_deg)
-    return from_sun_deg(
+    return distance_from_sun_deg(
         way.polar_from_deg + polar_sign * polar_gone_deg,
         way.declination_from_deg + dec_sign * dec_gone_deg,
         *sun,
     )
 
 
-def from_sun_deg(
+def distance_from_sun_deg(
     polar: float | FloatArray,
     declination: float | FloatArray,
     sun_hour_angle_deg: float | FloatArray,

@@ -12,10 +12,10 @@ import numpy as np
 
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.records import FloatArray, Site, SlewRefusal
-from rsoconsole.sky.epoch import Epoch, epoch_at
+from rsoconsole.sky.epoch import HourlySky, hourly_sky
 from rsoconsole.sky.frames import PierSide
-from rsoconsole.sky.limits import refusals
-from rsoconsole.sky.limits._sun_passage import SlewPath, side_after, slew_paths, sun_passage
+from rsoconsole.sky.limits import _sun_passage, refusals
+from rsoconsole.sky.limits._sun_passage import SlewPath, slew_paths, sun_passage
 from rsoconsole.sky.limits.margins import (
     SUN_HARMLESS_DEG,
     Margin,
@@ -29,10 +29,10 @@ from rsoconsole.sky.limits.margins import (
 from rsoconsole.sky.limits.refusals import LimitName, Refusal
 from rsoconsole.sky.limits.way_ahead import (
     SIDEREAL_DEG_S,
-    Rates,
+    MountRates,
+    extrapolate_path,
     keeps_to_slew_path,
     path_ahead_margins,
-    way_ahead,
 )
 from rsoconsole.sky.times import IntArray, iso_to_utc_ns
 from rsoconsole.words import NS_PER_S, utc_ns_to_iso
@@ -106,7 +106,7 @@ class Limits:
         )
         if fault is not None:
             return fault
-        epoch = epoch_at(start.t_utc_ns)
+        epoch = hourly_sky(start.t_utc_ns)
         target = self._track(epoch, ra_icrs_deg, dec_icrs_deg, None)
         candidates = list(self._ways(epoch, start, target))
         shortest_deg = min(max(way.travel_deg) for way, _ in candidates)
@@ -136,9 +136,11 @@ class Limits:
         fault = _instant_fault(t_utc_ns) or _direction_fault(ra_icrs_deg, dec_icrs_deg)
         if fault is not None or self._mount.type == "fork":
             return None
-        track = self._track(epoch_at(t_utc_ns), ra_icrs_deg, dec_icrs_deg, None)
+        track = self._track(hourly_sky(t_utc_ns), ra_icrs_deg, dec_icrs_deg, None)
         ha_deg = self._hour_angle_at(track, t_utc_ns)
-        return side_after(ha_deg, start.pier_side, self._mount.flip_hysteresis_deg)
+        return _sun_passage.pier_side_after_slew(
+            ha_deg, start.pier_side, self._mount.flip_hysteresis_deg
+        )
 
     def travel_deg(
         self, start: Pose, ra_icrs_deg: float, dec_icrs_deg: float
@@ -148,7 +150,7 @@ class Limits:
         The longest possible path counts where the side of the pier, or at a pole the polar axis, is
         unknown.
         """
-        epoch = epoch_at(start.t_utc_ns)
+        epoch = hourly_sky(start.t_utc_ns)
         target = self._track(epoch, ra_icrs_deg, dec_icrs_deg, None)
         turns = (way.travel_deg for way, _ in self._ways(epoch, start, target))
         return max(turns, key=max, default=(0.0, 0.0))
@@ -196,7 +198,7 @@ class Limits:
     def refuse_motion(
         self,
         pose: Pose,
-        rates: Rates | None,
+        rates: MountRates | None,
         ahead_s: float,
         *,
         lifted: Collection[LimitName] = (),
@@ -205,11 +207,11 @@ class Limits:
     ) -> Refusal | None:
         """Return the reason to stop a motion whose end is unknown; None while it may go on.
 
-        - rates: the motion is extrapolated at them for ``ahead_s`` seconds; None: unknown, only the
-          pose itself is checked
-        - lifted: limits that are not checked; nor is twilight
-        - before: pose reported last; a limit violated there already is no reason unless it is worse
-          now, so that the mount can leave a forbidden place
+        - rates: the motion is extrapolated at these for ``ahead_s`` seconds; None: unknown, only
+          the pose itself is checked
+        - lifted: limits that are not checked; twilight never is
+        - before: pose reported last; a limit violated there counts only if it is worse now, so
+          that the mount can leave a forbidden place
         - rested: pose where the motion began; from below a least altitude it may first go a little
           lower
         """
@@ -237,18 +239,18 @@ class Limits:
                 return margin.refusal_at(index, float(later_s[index]))
         return None
 
-    def is_on_its_way(
-        self, start: Pose, to_icrs_deg: tuple[float, float], pose: Pose, rates: Rates | None
+    def is_on_slew_path(
+        self, start: Pose, to_icrs_deg: tuple[float, float], pose: Pose, rates: MountRates | None
     ) -> bool:
-        """True where a mount is on the path of a slew begun at ``start``, and goes on to its end.
+        """True where a mount is on the path of a slew begun at ``start``, and moves to its end.
 
-        Only such a motion is covered by what ``refuse_slew`` has allowed. ``pose``: where the mount
-        is now. ``rates`` None: unknown, only the place is checked.
+        ``refuse_slew`` has allowed only such a motion. ``pose``: where the mount is now. ``rates``
+        None: unknown, only the position is checked.
         """
         for one in (start, pose):
             if _instant_fault(one.t_utc_ns) or _direction_fault(one.ra_icrs_deg, one.dec_icrs_deg):
                 return False
-        epoch = epoch_at(start.t_utc_ns)
+        epoch = hourly_sky(start.t_utc_ns)
         target, place = self._track(epoch, *to_icrs_deg, None), self._pose_track(pose)
         # While it slews the mount turns with the sky: its way is one of the first instant.
         ha_deg = self._hour_angle_at(place, start.t_utc_ns)
@@ -258,13 +260,17 @@ class Limits:
         )
 
     def _moving(
-        self, pose: Pose | None, rates: Rates | None, ahead_s: float, lifted: Collection[LimitName]
+        self,
+        pose: Pose | None,
+        rates: MountRates | None,
+        ahead_s: float,
+        lifted: Collection[LimitName],
     ) -> tuple[FloatArray, Iterable[Margin]]:
         """Seconds until each place ahead, and every limit there; nothing for no pose."""
         if pose is None or _instant_fault(pose.t_utc_ns) is not None:
             return np.zeros(1), ()
-        rates = rates or Rates(ra_deg_s=SIDEREAL_DEG_S, dec_deg_s=0.0)
-        way = way_ahead(self._site, self._pose_track(pose), pose.t_utc_ns, rates, ahead_s)
+        rates = rates or MountRates(ra_deg_s=SIDEREAL_DEG_S, dec_deg_s=0.0)
+        way = extrapolate_path(self._site, self._pose_track(pose), pose.t_utc_ns, rates, ahead_s)
         return way.later_s, path_ahead_margins(
             self._site, self._limits, self._mount, way, lifted=lifted
         )
@@ -314,20 +320,20 @@ class Limits:
         return t_utc_ns, first[1].refusal_at(first[0], (t_utc_ns - pose.t_utc_ns) / NS_PER_S)
 
     def _track(
-        self, epoch: Epoch, ra_icrs_deg: float, dec_icrs_deg: float, side: PierSide | None
+        self, epoch: HourlySky, ra_icrs_deg: float, dec_icrs_deg: float, side: PierSide | None
     ) -> TrackedPose:
-        ra_deg, dec_deg = epoch.to_date(ra_icrs_deg, dec_icrs_deg)
+        ra_deg, dec_deg = epoch.icrs_to_apparent_deg(ra_icrs_deg, dec_icrs_deg)
         return TrackedPose(epoch=epoch, ra_deg=ra_deg, dec_deg=dec_deg, side=side)
 
     def _pose_track(self, pose: Pose, side: PierSide | None = None) -> TrackedPose:
-        epoch = epoch_at(pose.t_utc_ns)
+        epoch = hourly_sky(pose.t_utc_ns)
         return self._track(epoch, pose.ra_icrs_deg, pose.dec_icrs_deg, side or pose.pier_side)
 
     def _hour_angle_at(self, track: TrackedPose, t_utc_ns: int) -> float:
         return float(hour_angle_deg(self._site, track, np.array([t_utc_ns]))[0])
 
     def _ways(
-        self, epoch: Epoch, start: Pose, target: TrackedPose
+        self, epoch: HourlySky, start: Pose, target: TrackedPose
     ) -> Iterator[tuple[SlewPath, PierSide | None]]:
         here = self._track(epoch, start.ra_icrs_deg, start.dec_icrs_deg, start.pier_side)
         return slew_paths(
@@ -368,11 +374,11 @@ class Limits:
         return parking_margins(self._site, self._limits, self._mount, track, t_ns, lifted=lifted)
 
     def _sun_on(
-        self, epoch: Epoch, candidates: Iterable[SlewPath], t_utc_ns: int
+        self, epoch: HourlySky, candidates: Iterable[SlewPath], t_utc_ns: int
     ) -> Refusal | None:
         if sun_altitude_deg(self._site, epoch, np.array([t_utc_ns]))[0] <= SUN_HARMLESS_DEG:
             return None
-        sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_utc_ns)
+        sun_ra_deg, sun_dec_deg = epoch.sun_apparent_deg(t_utc_ns)
         sun_ha_deg = float(epoch.sidereal_deg(self._site.longitude_deg, t_utc_ns) - sun_ra_deg)
         cone_deg, rate_deg_s = self._limits.sun_cone_deg, self._mount.slew_rate_deg_s
         for way in candidates:
@@ -383,12 +389,12 @@ class Limits:
                 )
         return None
 
-    def _twilight(self, epoch: Epoch, from_ns: int, to_ns: int) -> Refusal | None:
+    def _twilight(self, epoch: HourlySky, from_ns: int, to_ns: int) -> Refusal | None:
         t_ns = _instants(from_ns, to_ns, _SUN_STEP_S)
         altitude_deg = float(np.max(sun_altitude_deg(self._site, epoch, t_ns)))
         if altitude_deg <= self._limits.twilight_deg:
             return None
-        return refusals.beyond("twilight", altitude_deg, self._limits.twilight_deg)
+        return refusals.beyond_bound_refusal("twilight", altitude_deg, self._limits.twilight_deg)
 
 
 def _instants(from_ns: int, to_ns: int, step_s: float) -> IntArray:

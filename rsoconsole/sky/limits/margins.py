@@ -1,4 +1,4 @@
-"""Margins of each limit for a tracked direction: the excess over its bound, instant by instant."""
+"""Margins of each limit for a tracked direction: by how much it is exceeded at N instants."""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.records import FloatArray, Site, SlewRefusal
 from rsoconsole.sky.angles import wrap_180
-from rsoconsole.sky.epoch import Epoch
+from rsoconsole.sky.epoch import HourlySky
 from rsoconsole.sky.frames import PierSide, altaz_of_hour_angle
 from rsoconsole.sky.limits import refusals
-from rsoconsole.sky.limits._sun_passage import from_sun_deg, is_pole, polar_deg
+from rsoconsole.sky.limits._sun_passage import distance_from_sun_deg, is_pole, polar_angle_deg
 from rsoconsole.sky.limits.refusals import AngleLimit, LimitName, Refusal
 from rsoconsole.sky.times import IntArray
 
@@ -42,9 +42,7 @@ def lowest_altitude_deg(limits: LimitsConfig, azimuth_deg: FloatArray) -> FloatA
 
 
 SUN_HARMLESS_DEG = -6.0
-"""Altitude of the Sun, deg, below which it is harmless: no tube above the horizon looks at it, and
-a German mount that flips by night may well swing through the place below the horizon where it is;
-also one that is parked at dawn."""
+"""Altitude of the Sun, deg, below which it is harmless: no tube above the horizon looks at it."""
 
 PARKS_BELOW_DEG = 5.0
 """Depth below the horizon, deg, allowed while parking: a level mount may report a little less."""
@@ -52,7 +50,11 @@ PARKS_BELOW_DEG = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Margin:
-    """One limit at N instants, arrays (N,); an excess above 0 is a violation."""
+    """Angle against one limit at N instants: value, bound and the excess over the bound, arrays
+    (N,).
+
+    An excess above 0 is a violation.
+    """
 
     limit: AngleLimit
     value_deg: FloatArray
@@ -64,14 +66,14 @@ class Margin:
     """True where the value comes from the angle of the polar axis, not from an hour angle."""
 
     def waived_where(self, is_let_be: NDArray[np.bool_]) -> "Margin":
-        """Return the margin with no violation (excess -inf) where ``is_let_be`` (N,) is True."""
+        """Return this margin with excess -inf, no violation, where ``is_let_be`` (N,) is True."""
         return replace(self, excess_deg=np.where(is_let_be, -np.inf, self.excess_deg))
 
     def refusal_at(self, index: int, later_s: float = 0.0) -> Refusal:
         """Return the refusal at the instant of this index, ``later_s`` seconds from now."""
         value_deg, bound_deg = float(self.value_deg[index]), float(self.bound_deg[index])
         if self.is_axis:
-            return refusals.past_meridian_refusal(value_deg, bound_deg)
+            return refusals.polar_axis_refusal(value_deg, bound_deg)
         reason = SlewRefusal.beyond(
             self.limit,
             value_deg,
@@ -87,10 +89,10 @@ class Margin:
 class TrackedPose:
     """Direction of date that a mount tracks, and its side of the pier.
 
-    ``side`` None: unknown, or a fork. ``epoch``: what turns the direction into hour angles.
+    ``side`` None: unknown, or a fork. ``epoch``: converts the direction to hour angles.
     """
 
-    epoch: Epoch
+    epoch: HourlySky
     ra_deg: float
     dec_deg: float
     side: PierSide | None
@@ -169,13 +171,13 @@ def slewing_margins(
         if "hour angle" not in lifted:
             yield hour_angle_margin(limits, ha_deg)
     elif track.side is not None and "pier" not in lifted:
-        axis_deg = np.array([polar_deg(float(one), track.side) for one in ha_deg])
-        yield past_meridian_margin(limits, axis_deg)
+        axis_deg = np.array([polar_angle_deg(float(one), track.side) for one in ha_deg])
+        yield polar_axis_margin(limits, axis_deg)
 
 
-def sun_altitude_deg(site: Site, epoch: Epoch, t_ns: IntArray) -> FloatArray:
+def sun_altitude_deg(site: Site, epoch: HourlySky, t_ns: IntArray) -> FloatArray:
     """Altitude of the Sun's centre at (N,) instants, without refraction."""
-    ra_deg, dec_deg = epoch.sun_date_deg(t_ns)
+    ra_deg, dec_deg = epoch.sun_apparent_deg(t_ns)
     ha_deg = epoch.sidereal_deg(site.longitude_deg, t_ns) - ra_deg
     return np.asarray(altaz_of_hour_angle(site, ha_deg, dec_deg)[0])
 
@@ -189,10 +191,10 @@ def parking_margins(
     *,
     lifted: Collection[LimitName],
 ) -> Iterator[Margin]:
-    """Yield the margins that hold on the path to a park position.
+    """Yield the margins that apply on the path to a park position.
 
-    They are those of a slew, and a horizon 5 deg below the level one: a park position may be level,
-    or behind a wall.
+    They are those of ``slewing_margins``, and a horizon 5 deg below the level one: a park position
+    may be level, or behind a wall.
     """
     yield from slewing_margins(site, limits, mount, track, t_ns, lifted=lifted)
     if "horizon" not in lifted:
@@ -204,10 +206,10 @@ def parking_margins(
         yield least_angle_margin("horizon", altitude_deg, lowest_deg, azimuth_deg)
 
 
-def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their instants
+def sun_cone_margin(  # noqa: PLR0917 -- one place, its two coordinates and their instants
     site: Site,
     limits: LimitsConfig,
-    epoch: Epoch,
+    epoch: HourlySky,
     ra_deg: float | FloatArray,
     dec_deg: float | FloatArray,
     t_ns: IntArray,
@@ -216,8 +218,8 @@ def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their insta
 
     No violation while the Sun is more than 6 deg below the horizon.
     """
-    sun_ra_deg, sun_dec_deg = epoch.sun_date_deg(t_ns)
-    distance_deg = from_sun_deg(ra_deg, dec_deg, sun_ra_deg, sun_dec_deg)
+    sun_ra_deg, sun_dec_deg = epoch.sun_apparent_deg(t_ns)
+    distance_deg = distance_from_sun_deg(ra_deg, dec_deg, sun_ra_deg, sun_dec_deg)
     margin = least_angle_margin("Sun", distance_deg, limits.sun_cone_deg)
     return margin.waived_where(sun_altitude_deg(site, epoch, t_ns) <= SUN_HARMLESS_DEG)
 
@@ -225,13 +227,13 @@ def from_sun(  # noqa: PLR0917 -- one place, its two coordinates and their insta
 def _of_track_from_sun(
     site: Site, limits: LimitsConfig, track: TrackedPose, t_ns: IntArray
 ) -> Margin:
-    return from_sun(site, limits, track.epoch, track.ra_deg, track.dec_deg, t_ns)
+    return sun_cone_margin(site, limits, track.epoch, track.ra_deg, track.dec_deg, t_ns)
 
 
-def past_meridian_margin(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
-    """Margin of a German mount's polar axis: how far above the horizontal its counterweight is.
+def polar_axis_margin(limits: LimitsConfig, axis_deg: FloatArray) -> Margin:
+    """Margin of a German mount's polar axis: its counterweight's angle above the horizontal.
 
-    ``axis_deg``: angles of the axis (N,) as ``polar_deg`` gives them.
+    ``axis_deg``: angles of the axis (N,) as ``polar_angle_deg`` gives them.
     """
     past_deg = np.maximum(axis_deg, -180.0 - axis_deg)
     bound_deg = np.full(axis_deg.shape, limits.past_meridian_deg)

@@ -7,7 +7,6 @@ from rsoconsole.records import SlewRefusal, SlewRefusalKind
 from rsoconsole.words import text
 
 AngleLimit = Literal["altitude", "horizon", "hour angle", "pier", "Sun", "twilight"]
-"""Limits whose figure and bound are angles."""
 LimitName = Literal[
     "direction", "time", "altitude", "horizon", "hour angle", "pier", "Sun", "twilight"
 ]
@@ -30,7 +29,7 @@ class Refusal:
         return text(self.reason)
 
 
-def beyond(limit: AngleLimit, value_deg: float, bound_deg: float) -> Refusal:
+def beyond_bound_refusal(limit: AngleLimit, value_deg: float, bound_deg: float) -> Refusal:
     """Return the refusal of an angle that is beyond its bound now."""
     reason = SlewRefusal.beyond(limit, value_deg, bound_deg)
     return Refusal(limit=limit, value_deg=value_deg, bound_deg=bound_deg, reason=reason)
@@ -39,14 +38,14 @@ def beyond(limit: AngleLimit, value_deg: float, bound_deg: float) -> Refusal:
 def sun_passage_refusal(from_sun_deg: float, kept_deg: float, *, is_way_out: bool) -> Refusal:
     """Return the refusal of a slew whose path comes too near to the Sun.
 
-    ``kept_deg``: distance it must keep; ``is_way_out``: the path began inside the Sun's cone.
+    ``kept_deg``: distance to keep from the Sun. ``is_way_out``: the path begins inside its cone.
     """
     kind: SlewRefusalKind = "nearer to the Sun" if is_way_out else "past the Sun"
     reason = SlewRefusal.beyond(kind, from_sun_deg, kept_deg)
     return Refusal(limit="Sun", value_deg=from_sun_deg, bound_deg=kept_deg, reason=reason)
 
 
-def past_meridian_refusal(past_deg: float, bound_deg: float) -> Refusal:
+def polar_axis_refusal(past_deg: float, bound_deg: float) -> Refusal:
     """Return the refusal of a polar axis that raises its counterweight too far."""
     reason = SlewRefusal.beyond("polar axis", past_deg, bound_deg)
     return Refusal(limit="pier", value_deg=past_deg, bound_deg=bound_deg, reason=reason)
@@ -60,5 +59,5 @@ def invalid_direction_refusal(ra_icrs_deg: float, dec_icrs_deg: float) -> Refusa
 
 
 def instant_refusal(reason: SlewRefusal) -> Refusal:
-    """Return the refusal of an impossible instant, with this reason."""
+    """Return the refusal of an invalid instant, with the reason given."""
     return Refusal(limit="time", value_deg=None, bound_deg=None, reason=reason)

@@ -12,16 +12,21 @@ import numpy as np
 from rsoconsole.config import LimitsConfig, MountConfig
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky.frames import altaz_of_hour_angle
-from rsoconsole.sky.limits._sun_passage import SlewPath, declination_axis_deg, is_pole, polar_deg
+from rsoconsole.sky.limits._sun_passage import (
+    SlewPath,
+    declination_axis_deg,
+    is_pole,
+    polar_angle_deg,
+)
 from rsoconsole.sky.limits.margins import (
     Margin,
     TrackedPose,
-    from_sun,
     hour_angle_deg,
     hour_angle_margin,
     least_angle_margin,
     lowest_altitude_deg,
-    past_meridian_margin,
+    polar_axis_margin,
+    sun_cone_margin,
 )
 from rsoconsole.sky.limits.refusals import LimitName
 
@@ -31,8 +36,7 @@ POLE_ROOM_DEG = 10.0
 FLIP_ROOM_DEG = 45.0
 """Distance from the elevated pole, deg, within which a flip may lead through any hour angle."""
 BESIDE_DEG = 3.0
-"""Distance from its way, or its end, deg, up to which a mount is on it: some slew without the sky's
-motion, some come from beyond."""
+"""Distance from its way, or its end, deg, up to which a mount is on it."""
 PAUSE_DEG_S = 0.05
 """Rate below which an axis counts as still, deg/s."""
 _STEP_DEG = 0.5
@@ -40,7 +44,7 @@ _MAX_DEG = 90.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rates:
+class MountRates:
     """Rates of right ascension and declination."""
 
     ra_deg_s: float
@@ -48,9 +52,9 @@ class Rates:
     dec_deg_s: float
 
     def fastest_deg_s(self, dec_deg: float) -> float:
-        """Rate of the faster axis, deg/s, not negative.
+        """Return the rate of the faster axis, deg/s, not negative.
 
-        Near a pole the rate in right ascension counts times the cosine of the declination.
+        Near a pole the rate in right ascension is multiplied by the cosine of the declination.
         """
         near_pole = abs(dec_deg) > 90.0 - POLE_ROOM_DEG
         polar_deg_s = self.ra_deg_s * (np.cos(np.radians(dec_deg)) if near_pole else 1.0)
@@ -70,12 +74,12 @@ class PathAhead:
     """Declination; beyond 90 deg where the path leads over a pole."""
 
 
-def way_ahead(
-    site: Site, track: TrackedPose, t_utc_ns: int, rates: Rates, ahead_s: float
+def extrapolate_path(
+    site: Site, track: TrackedPose, t_utc_ns: int, rates: MountRates, ahead_s: float
 ) -> PathAhead:
     """Extrapolate a mount's position at constant rates for ``ahead_s`` seconds.
 
-    In steps of at most half a degree of either axis; it ends after 90 deg at the latest.
+    In steps of at most half a degree on either axis, and over at most 90 deg.
     """
     fastest_deg_s = rates.fastest_deg_s(track.dec_deg)
     if fastest_deg_s > 0.0:
@@ -109,7 +113,7 @@ def path_ahead_margins(
     t_ns = np.full(way.later_s.shape, way.t_utc_ns)
     if "Sun" not in held:
         ra_deg = track.epoch.sidereal_deg(site.longitude_deg, t_ns) - way.hour_angle_deg
-        yield from_sun(site, limits, track.epoch, ra_deg, way.declination_deg, t_ns)
+        yield sun_cone_margin(site, limits, track.epoch, ra_deg, way.declination_deg, t_ns)
     altitude_deg, azimuth_deg = altaz_of_hour_angle(site, way.hour_angle_deg, way.declination_deg)
     if "altitude" not in held:
         yield least_angle_margin("altitude", altitude_deg, limits.min_altitude_deg)
@@ -123,8 +127,8 @@ def path_ahead_margins(
         yield _hours_ahead(site, limits, mount, way, dec_deg)
     if mount.type == "german" and track.side is not None and "pier" not in held:
         turned_deg = way.hour_angle_deg - way.hour_angle_deg[0]
-        axis_deg = polar_deg(float(way.hour_angle_deg[0]), track.side) + turned_deg
-        yield _where_known(past_meridian_margin(limits, axis_deg), dec_deg)
+        axis_deg = polar_angle_deg(float(way.hour_angle_deg[0]), track.side) + turned_deg
+        yield _where_known(polar_axis_margin(limits, axis_deg), dec_deg)
 
 
 def _hours_ahead(
@@ -154,7 +158,7 @@ def keeps_to_slew_path(
     way: SlewPath,
     place: TrackedPose,
     hour_angle_deg: float,
-    rates: Rates | None,
+    rates: MountRates | None,
     latitude_deg: float,
 ) -> bool:
     """True where a mount is on a slew's path, and does not turn away from its end.
@@ -172,7 +176,7 @@ def keeps_to_slew_path(
         dec_deg_s = 0.0 if rates is None else rates.dec_deg_s * (1.0 if side == "west" else -1.0)
         if not _closes_in(way.declination_from_deg, way.declination_to_deg, at_deg, dec_deg_s):
             continue
-        turned_deg = polar_deg(hour_angle_deg, side)
+        turned_deg = polar_angle_deg(hour_angle_deg, side)
         polar_deg_s = 0.0 if rates is None else -rates.ra_deg_s
         # A fork counts its turns otherwise.
         for at_deg in (turned_deg - 360.0, turned_deg, turned_deg + 360.0):
@@ -200,13 +204,13 @@ FASTER = 2.0
 
 
 class StoppingDistance:
-    """How far a mount moves on after an order to stop, from the stops recorded by ``learn``."""
+    """Distance that a mount moves on after an order to stop, from recorded stops."""
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, float]] = []
 
     def learn(self, way_deg: float, rate_deg_s: float) -> None:
-        """Record one stop: ordered at ``rate_deg_s``, at rest ``way_deg`` further on."""
+        """Record a stop: the rate when it was ordered, and the distance moved after that."""
         if rate_deg_s > SLOW_DEG_S:
             self._seen.append((rate_deg_s, min(max(way_deg, MIN_DEG), MAX_DEG)))
 
@@ -216,10 +220,10 @@ class StoppingDistance:
         return bool(self._seen)
 
     def at(self, rate_deg_s: float) -> float:
-        """Distance that the faster axis may move on after an order to stop at this rate, degrees.
+        """Return how far the faster axis may move on after an order to stop at this rate, deg.
 
-        Each recorded stop is scaled: in proportion to lower rates, with the square of higher ones;
-        the longest counts. Without a usable one: 5 s at this rate, 5 deg at most.
+        The longest of the recorded stops, each scaled: in proportion to a lower rate, with the
+        square of a higher one. Without a usable stop: 5 s at this rate, 5 deg at most.
         """
         known = [
             way_deg * (share if (share := rate_deg_s / seen_deg_s) <= 1.0 else share * share)

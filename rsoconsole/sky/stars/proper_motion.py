@@ -1,8 +1,8 @@
-"""Proper motion: places of a catalogue moved to another epoch.
+"""Proper motion: catalogue positions of stars moved to another epoch.
 
-A star goes straight on at the speed it has across the sky. Its radial velocity is left out (0.4
-arcsec for Barnard's star in 26 years, nothing for the others), and so is its yearly parallax.
-Source: Hipparcos and Tycho Catalogues, ESA SP-1200, 1997, volume 1, section 1.5.5.
+A star moves straight on at its angular speed. Its radial velocity is neglected (0.4 arcsec for
+Barnard's star in 26 years, nothing for the others), and so is its parallax. Source: Hipparcos and
+Tycho Catalogues, ESA SP-1200, 1997, volume 1, section 1.5.5.
 """
 
 import numpy as np

@@ -1,10 +1,10 @@
-"""Stars of the Tycho-2 catalogue: places at an epoch, and magnitudes.
+"""Stars of the Tycho-2 catalogue: positions at an epoch, and magnitudes.
 
-The shipped stars reach VT about 12.5. Those of the belt of the geostationary satellites, |dec| <=
-12 deg, lie in a file of their own, because most telescopes here need no others. Places are ICRS at
-J2000.0; proper motions carry them to the requested epoch. A star is then where Tycho-2 has it to
-about 0.1 arcsec in 2026 (60 mas at its mean epoch, 2.5 mas/yr). Source: Hog et al. 2000, A&A 355,
-L27; licence in ``data/COPYRIGHT.tycho2``.
+The shipped stars reach VT about 12.5. Those near the geostationary belt, |dec| <= 12 deg, are in a
+file of their own, because most telescopes here need no others. Positions are ICRS at J2000.0;
+proper motions carry them to the requested epoch, to about 0.1 arcsec in 2026 (60 mas at the mean
+epoch of Tycho-2, 2.5 mas/yr). Source: Hog et al. 2000, A&A 355, L27; licence in
+``data/COPYRIGHT.tycho2``.
 """
 
 import math
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.base import SolverError, resource
+from rsoconsole.base import SolverError, resource_path
 from rsoconsole.records import FloatArray
 from rsoconsole.sky.angles import separation_deg, wrap_180
 from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, apply_proper_motion
@@ -44,7 +44,7 @@ class Stars:
     pm_dec_mas_yr: FloatArray
 
     @classmethod
-    def at_rest(
+    def without_proper_motion(
         cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
     ) -> "Stars":
         """Return stars with a proper motion of zero, because they have none or it is unknown."""
@@ -96,7 +96,7 @@ class StarCatalogue:
 
         Read once, then cached. Raises SolverError when the file cannot be read.
         """
-        return _load(resource(*_SHIPPED) if path is None else path)
+        return _load(resource_path(*_SHIPPED) if path is None else path)
 
     @classmethod
     def load_whole_sky(cls) -> "StarCatalogue":
@@ -109,7 +109,7 @@ class StarCatalogue:
     def covers(self, dec_icrs_deg: float, radius_deg: float = 0.0) -> bool:
         """True where the catalogue is complete within ``radius_deg`` of this declination.
 
-        Outside, an empty list of stars says nothing.
+        Elsewhere an empty result does not mean that there are no stars.
         """
         return (
             self.dec_min_deg <= max(dec_icrs_deg - radius_deg, -90.0)
@@ -158,7 +158,7 @@ def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:
     return np.asarray(np.multiply(counts, step, dtype=np.float64))
 
 
-def holds_stars(path: Path) -> bool:
+def has_tycho2_stars(path: Path) -> bool:
     """True where a FITS file holds Tycho-2 stars, as the solver's index files do.
 
     Reads headers only; False where the file cannot be read.
@@ -180,7 +180,7 @@ def _load(path: Path) -> StarCatalogue:
 @lru_cache(maxsize=1)
 def _load_whole_sky() -> StarCatalogue:
     """Load the rest of the sky with the belt in the middle of it."""
-    belt, rest = _load(resource(*_SHIPPED)), _read(resource(*_SHIPPED_REST))
+    belt, rest = _load(resource_path(*_SHIPPED)), _read(resource_path(*_SHIPPED_REST))
     south = int(np.searchsorted(rest.dec_counts, 0))
     columns: dict[str, Any] = {}
     for name in ("ra_counts", "dec_counts", "mmag", "pm_ra_mas_yr", "pm_dec_mas_yr"):

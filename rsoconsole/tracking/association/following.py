@@ -1,4 +1,4 @@
-"""Input and state of the fold over frames: a frame's measurements, and the tracks. Pure."""
+"""Input and state of tracking: the measurements of a frame, and the tracks. Pure."""
 
 import math
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from rsoconsole.tracking.filters.streak_length import NO_STREAKS, StreakHistory
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rival:
-    """Streaks that do not fit the track but fit each other."""
+    """Streaks that fit each other but not the track, and so may be the tracked object."""
 
     measurements: tuple[Measurement, ...]
     track: TrackState | None = None
@@ -42,13 +42,12 @@ TRACKABLE_CLASSES = ("satellite", "undetermined")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameInput:
-    """Input of one frame to the fold: measurements, field, and the operator's decisions."""
+    """Input of one frame to tracking: measurements, field, and the operator's decisions."""
 
     frame_id: int
     t_mid_utc_ns: int
     exposure_s: float
     measurements: tuple[Measurement, ...]
-    """Measurements of the frame, most confident first."""
     absence: Missed | Callable[[], Missed] = NO_DETECTION
     """Reason recorded for a miss in this frame; a function is called only where there is one."""
     field: Field | None = None
@@ -66,46 +65,41 @@ class FrameInput:
     released: tuple[int, ...] = ()
     """Numbers of kept tracks that the operator releases: misses may end them again."""
     by_orbit: Callable[[TrackState], TrackState | None] | None = None
-    """Return the orbit's prediction in the place of one that failed, None where it has none; called
-    only where nothing fits."""
+    """Orbit's prediction in place of one that failed, None where it has none."""
 
     @property
-    def why_absent(self) -> Missed:
-        """Reason of a miss in this frame."""
+    def miss_reason(self) -> Missed:
+        """Reason to record where this frame does not show the tracked object."""
         return self.absence if isinstance(self.absence, Missed) else self.absence()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowSettings:
-    """Settings of the fold."""
+    """Settings of tracking."""
 
     filter: FilterConfig
     half_field_deg: float
     """Distance from the centre to the nearest edge of the usable field."""
     choice: Choice = "nearest"
     bend: Callable[[int, tuple[float, float], tuple[float, float]], Bend | None] | None = None
-    """Return the possible bend of an orbit through a direction with a rate (east, north, arcsec/s)
-    at an instant; None: unknown."""
+    """Possible bend of an orbit by instant, direction, rate (e, n, arcsec/s); None: unknown."""
     is_shutter_known: bool = False
     """True where the frame's camera mode is calibrated: its scatter is in every measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveTrack:
-    """One track between two frames."""
+    """State of one track between two frames."""
 
     track: TrackState
     """Last state of the filter: updated, or predicted to a frame that missed the track."""
     taken: Measurement | None = None
-    """Last accepted measurement."""
     neighbours: tuple[Neighbour, ...] = ()
-    """Objects beside the tracked one with the same motion."""
     rivals: tuple[Rival, ...] = ()
     """Streaks since the track's last update that fit only each other; preset ``adaptive`` only."""
     unexplained: int = 0
     """Number of frames since its last update that missed the object although nothing hid it."""
     streaks: StreakHistory = NO_STREAKS
-    """Shapes of its last streaks."""
     ambiguous: int = 0
     """Number of frames in a row that could not separate its streak from another track's."""
     is_kept: bool = False
@@ -117,37 +111,34 @@ class LiveTrack:
 
     @property
     def is_on_trial(self) -> bool:
-        """True while chance may have made the track: the next frame has to show it."""
+        """True while the track may be a chance alignment: the next frame has to show its object."""
         return self.track.innovations < self.trial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Following:
-    """State of the fold between two frames."""
+    """State of tracking between two frames: all tracks, and candidates for new ones."""
 
     state: LoopState = "SEARCH"
     candidates: tuple[Measurement, ...] = ()
-    """Measurements of the last frame that may initiate a track."""
     earlier: tuple[Measurement, ...] = ()
     """Measurements of earlier frames that may still initiate a track with later ones."""
     tracks: tuple[LiveTrack, ...] = ()
     """Tracks, the lead first; empty where there is none."""
     pattern: TrackPattern = NO_PATTERN
-    """Relative positions of the tracks."""
     last_track_id: int = 0
     """Number of the last track initiated in the session; 0 before the first."""
     dropped: tuple[LiveTrack, ...] = ()
-    """Tracks that the operator has dropped and that may still be in the field: their streaks
-    initiate none."""
+    """Tracks that the operator has dropped, maybe in the field: their streaks initiate none."""
 
     @property
     def track(self) -> TrackState | None:
-        """Last state of the lead's filter."""
+        """Last state of the lead track's filter; None where there is no track."""
         return self.tracks[0].track if self.tracks else None
 
     @property
-    def taken(self) -> Measurement | None:
-        """Last measurement that the lead accepted."""
+    def lead_measured(self) -> Measurement | None:
+        """Last measurement that the lead track accepted; None where there is none."""
         return self.tracks[0].taken if self.tracks else None
 
     @property
@@ -171,7 +162,7 @@ class Following:
         )
 
 
-def not_followed(
+def not_followed_record(
     measurement: Measurement, reason: NotTaken, nis: float | None = None
 ) -> NotFollowed:
     return NotFollowed(
@@ -194,6 +185,6 @@ def expected_motion(track: TrackState, exposure_s: float) -> Motion:
 
 
 def three_sigma_deg(track: TrackState) -> float:
-    """Half the longer side of the 3-sigma box of a track's position on the sky."""
+    """Three sigma of a track's position on the sky, deg, in its more uncertain coordinate."""
     cos_dec = math.cos(math.radians(track.x[2]))
     return 3.0 * max(math.sqrt(track.P[0][0]) * cos_dec, math.sqrt(track.P[2][2]))

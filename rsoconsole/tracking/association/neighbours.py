@@ -1,14 +1,13 @@
-"""Neighbours of the tracked object, distinguished from it by their pattern after a coast.
+"""Neighbours of the tracked object, told from it after a coast by their pattern. Pure.
 
 Satellites of one slot have one rate and one streak, and after a long coast the prediction's bounds
-hold several of them: position alone would then take whichever happens to lie nearer. Brightness
-does not distinguish them either, since phase, cloud and tumbling change it by more than they
-differ. What stays is their pattern: an error of the prediction shifts all of them alike. So each
-shift that would bring a measurement onto a known object is weighed, and the shift with the best
-explanation of all measurements is taken. Where the two best explanations name different objects and
-cost nearly the same, none is taken: one streak alone, after a long coast, may be either of two.
-Waiting for another frame would not help: the objects stay in their places relative to each other,
-and the bounds only grow. Pure.
+hold several of them: position alone would select whichever happens to be nearer. Brightness is no
+help, since phase, cloud and tumbling change it by more than they differ. The pattern stays: an
+error of the prediction shifts all of them alike. So each shift that would bring a measurement onto
+a known object is weighed, and the shift that best explains all measurements is used. Where the two
+best explanations name different objects at nearly the same cost, no measurement is accepted: one
+streak alone, after a long coast, may be either of two. Later frames would not resolve this: the
+objects keep their relative positions, and the bounds only grow.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,12 +44,11 @@ class Neighbour:
     """Distance from the tracked object on the sky, eastward."""
     north_arcsec: float
     t_utc_ns: int
-    """Instant at which the neighbour was last seen."""
     error_arcsec: float = 0.0
     """One sigma of both objects' places at that instant, by the learnt errors of their streaks."""
 
     def sigma_arcsec(self, t_utc_ns: int) -> float:
-        """One sigma of its distance from the tracked object at an instant, on each axis."""
+        """Return one sigma, per axis, of the neighbour's offset from the tracked object."""
         drifted = SIGMA_ARCSEC + DRIFT_ARCSEC_S * abs(t_utc_ns - self.t_utc_ns) / 1e9
         return float(np.hypot(drifted, self.error_arcsec))
 

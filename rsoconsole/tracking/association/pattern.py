@@ -2,9 +2,8 @@
 
 An error of a frame's time or plate moves all of its streaks alike, so their relative positions are
 free of it (differential coordinates). The relative position and rate of every two tracks have a
-filter of their own. After frames in which one member of a slot was not seen, each track's own
-prediction suffers from the shutter's errors in different frames; the relative positions still
-distinguish the members.
+filter of their own. It still distinguishes the members of a slot after frames that missed one, when
+the tracks' own predictions suffer from shutter errors of different frames.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,7 @@ from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.sky import IntArray
 from rsoconsole.tracking.filters import lqe
 from rsoconsole.tracking.filters.agreement import streak_axis
-from rsoconsole.tracking.filters.sky_path import Plane
+from rsoconsole.tracking.filters.sky_path import TangentPlane
 
 BoolArray = npt.NDArray[np.bool_]
 _RATE_ARCSEC_S = 0.5
@@ -25,8 +24,7 @@ _RATE_ARCSEC_S = 0.5
 OTHER_MOTION_ARCSEC_S = 3.0 * _RATE_ARCSEC_S
 """Relative rate from which two tracks are not of one slot, and their own rates are used."""
 _ACCELERATION_Q = 1e-9
-"""White acceleration of the relative position, arcsec^2/s^3: relative orbits, and tangent planes
-that turn."""
+"""White acceleration of the relative position, arcsec^2/s^3."""
 _MIN_ARCSEC = 0.5
 """Least sigma on each axis of a relative position in a frame: the lens, errors of the ends."""
 
@@ -53,7 +51,7 @@ class TrackPattern:
     def __hash__(self) -> int:
         return hash(self.track_ids)
 
-    def ways_between(
+    def relative_positions_at(
         self, tracks: Sequence[int], t_utc_ns: int
     ) -> tuple[BoolArray, FloatArray, FloatArray]:
         """Relative positions of N tracks at an instant, with their covariances.
@@ -105,7 +103,7 @@ def _places_in(tracks: IntArray, known: Sequence[int]) -> IntArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Place:
+class TrackPlace:
     """Place and rate of one track in one frame."""
 
     ra_icrs_deg: float
@@ -116,22 +114,26 @@ class Place:
     """(2,) rate of the track, east and north."""
 
     @classmethod
-    def of(cls, m: Measurement, track: TrackState, along_arcsec: float | None = None) -> "Place":
-        """Place of the streak that a track accepted; ``along_arcsec``: as in ``own_covariance``."""
+    def from_measurement(
+        cls, m: Measurement, track: TrackState, along_arcsec: float | None = None
+    ) -> "TrackPlace":
+        """Return the place of an accepted streak.
+
+        ``along_arcsec``: as in ``single_streak_covariance``.
+        """
         return cls(
             ra_icrs_deg=m.ra_icrs_deg,
             dec_icrs_deg=m.dec_icrs_deg,
-            covariance=own_covariance(m, track, along_arcsec),
+            covariance=single_streak_covariance(m, track, along_arcsec),
             rate_arcsec_s=np.array(lqe.sky_rate_arcsec_s(track)),
         )
 
 
 NO_PATTERN = TrackPattern()
-"""Pattern of a field with fewer than two tracks."""
 
 
 def pattern_after(
-    before: TrackPattern, alive: Sequence[int], seen: Mapping[int, "Place"], t_utc_ns: int
+    before: TrackPattern, alive: Sequence[int], seen: Mapping[int, "TrackPlace"], t_utc_ns: int
 ) -> TrackPattern:
     """Return the pattern of the tracks ``alive``, updated with a frame.
 
@@ -165,7 +167,7 @@ def pattern_after(
 def _shown(
     before: TrackPattern,
     tracks: IntArray,
-    seen: Mapping[int, "Place"],
+    seen: Mapping[int, "TrackPlace"],
     pairs: tuple[IntArray, IntArray],
     t_utc_ns: int,
 ) -> tuple[FloatArray, FloatArray]:
@@ -173,10 +175,10 @@ def _shown(
     i, j = pairs
     each = [seen.get(track) for track in tracks.tolist()]
     first = next(one for one in each if one is not None)
-    plane = Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
+    plane = TangentPlane.at(first.ra_icrs_deg, first.dec_icrs_deg)
     none = np.full(2, np.nan)
     places = np.array(
-        [none if e is None else plane.place_of(e.ra_icrs_deg, e.dec_icrs_deg) for e in each]
+        [none if e is None else plane.project_arcsec(e.ra_icrs_deg, e.dec_icrs_deg) for e in each]
     )
     rates = np.array([none if e is None else e.rate_arcsec_s for e in each])
     own = np.array([np.full((2, 2), np.nan) if e is None else e.covariance for e in each])
@@ -198,13 +200,13 @@ def _shown(
     return means, covariances
 
 
-def own_covariance(
+def single_streak_covariance(
     m: Measurement, track: TrackState, along_arcsec: float | None = None
 ) -> FloatArray:
-    """Covariance (2, 2) of a streak's place, arcsec^2, without errors common to the frame.
+    """Covariance (2, 2) of a streak's position, arcsec^2, without errors common to the frame.
 
-    By the errors that the track's filter has learnt. ``along_arcsec``: the error along the streak
-    that its length indicates; None: that of the streak the track accepted last.
+    It includes the errors that the track's filter has learnt. ``along_arcsec``: error along the
+    streak that its length indicates; None: that of the streak that the track accepted last.
     """
     ee, en, nn = m.cov_sky_arcsec2
     said = track.mixture
@@ -219,10 +221,10 @@ def own_covariance(
 
 
 def learnt_error_arcsec(m: Measurement, track: TrackState) -> float:
-    """One sigma of a streak's place on its worse axis, by the errors that the filter has learnt.
+    """One sigma of a streak's position on its worse axis, with the filter's learnt errors.
 
-    0 where the filter learns none: then only the measurement's own error is known.
+    0 for a filter that learns none: then only the measurement's own error is known.
     """
     if track.mixture is None:
         return 0.0
-    return float(np.sqrt(np.linalg.eigvalsh(own_covariance(m, track))[-1]))
+    return float(np.sqrt(np.linalg.eigvalsh(single_streak_covariance(m, track))[-1]))

@@ -1,11 +1,11 @@
 """Relative motion of two satellites of a field, from the frames that showed both. Pure.
 
 Errors of shutter and plate move both streaks of a frame alike, so the relative position is free of
-them; each of its axes is fitted by itself, frame by frame. The path is an offset, a drift, and
-swings of one turn and of half a turn: the relative motion of two orbits of nearly one period
-(Clohessy & Wiltshire 1960). For other pairs of objects the drift is the main part. A short arc does
-not determine a swing. So the fit averages over priors for swings and drifts from small to large,
-each weighed by how well it explains what was seen.
+them; each of its axes is fitted separately. The path is an offset, a drift, and oscillations of one
+and of half an orbital period: the relative motion of two orbits of nearly one period (Clohessy &
+Wiltshire 1960). For other pairs of objects the drift is the main part. A short arc does not
+determine an oscillation: the fit averages over priors for oscillations and drifts from small to
+large, each weighed by how well it explains the measurements.
 """
 
 import itertools
@@ -28,8 +28,7 @@ MIN_FRAMES = 3
 _SWINGS_ARCSEC = (10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 3e4, 1e5)
 _DRIFTS_ARCSEC_RAD = (10.0, 300.0, 1e4, 1e6)
 _OFFSET_SHARES, _MIN_OFFSET_ARCSEC = (1.0 / 3.0, 10.0 / 3.0), 60.0
-"""One sigma of a swing's middle from the other object, as shares of the swing's width, and its
-least value, arcsec."""
+"""Sigma of a swing's middle from the other object: as shares of its width, and least, arcsec."""
 _HALF_TURN_SHARE, _OF_WIDE_SWINGS, _WIDE_ARCSEC = 0.05, 0.2, 1e3
 """Width of the half-turn swing by that of the full-turn one: usually, and for wide ones: orbits
 that lean, a site that is not the Earth's centre. All of these cover the pairs of catalogued
@@ -48,8 +47,7 @@ class TrackDirections:
     units: FloatArray
     """(N, 3) unit vectors of the directions."""
     cov_sky_arcsec2: FloatArray
-    """(N, 3) covariances east-east, east-north, north-north, without errors common to all of a
-    frame."""
+    """(N, 3) covariances ee, en, nn (east, north), without errors common to all of a frame."""
     rate_arcsec_s: FloatArray
     """(N, 2) rates against the stars, east and north."""
 
@@ -80,19 +78,18 @@ class RelativePath:
     samples: FloatArray
     """(S, 2, 6) coefficients of each axis."""
     frames: int
-    """Number of frames that have shown both."""
 
     @property
     def horizon_s(self) -> float:
-        """Time for which the path is predicted, s: a quarter of the turn, 6 hours at most."""
+        """Longest time for which the path is predicted, s: a quarter period, 6 hours at most."""
         return min(LONGEST_HORIZON_S, 0.5 * math.pi / self.frequency_rad_s)
 
-    def at(self, since_s: FloatArray) -> FloatArray:
+    def positions_at(self, since_s: FloatArray) -> FloatArray:
         """(S, M, 2) relative positions, east and north, arcsec, at M times after the reference."""
         terms = _terms(self.frequency_rad_s * np.atleast_1d(since_s))
         return np.asarray(np.swapaxes(self.samples @ terms.T, 1, 2) @ self.axes)
 
-    def rate_at(self, since_s: FloatArray) -> FloatArray:
+    def rates_at(self, since_s: FloatArray) -> FloatArray:
         """(S, M, 2) relative rates, east and north, arcsec/s, at M times after the reference."""
         slopes = _slopes(self.frequency_rad_s * np.atleast_1d(since_s))
         rates = np.swapaxes(self.samples @ slopes.T, 1, 2) @ self.axes
@@ -100,14 +97,14 @@ class RelativePath:
 
 
 def relative_positions(one: TrackDirections, other: TrackDirections) -> RelativePositions | None:
-    """Relative positions in the frames that showed both tracks; None: too few such frames."""
+    """Return positions of ``other`` from ``one`` in frames with both; None: too few of these."""
     _, i, j = np.intersect1d(one.frame_id, other.frame_id, return_indices=True)
     if len(i) < MIN_FRAMES:
         return None
     # A rolling shutter sees one a moment after the other.
     late_s = (one.t_utc_ns[i] - other.t_utc_ns[j]) / NS_PER_S
     here, there = one.units[i], other.units[j]
-    east, north = axes_at(here + there)
+    east, north = east_and_north_at(here + there)
     moved = other.rate_arcsec_s[j] * late_s[:, None]
     cov = one.cov_sky_arcsec2[i] + other.cov_sky_arcsec2[j]
     rates = np.stack([one.rate_arcsec_s[i[-1]], other.rate_arcsec_s[j[-1]]])
@@ -119,8 +116,8 @@ def relative_positions(one: TrackDirections, other: TrackDirections) -> Relative
     )
 
 
-def axes_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(N, 3) unit vectors east and north at directions (N, 3), which may have any length."""
+def east_and_north_at(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors east (N, 3) and north (N, 3) at directions (N, 3) of any length."""
     x, y, z = np.moveaxis(towards / np.linalg.norm(towards, axis=-1, keepdims=True), -1, 0)
     level = np.maximum(np.hypot(x, y), 1e-9)
     east = np.stack([-y / level, x / level, np.zeros_like(x)], axis=-1)
@@ -264,22 +261,22 @@ def pair_motion(
     warned_arcsec: float = 0.0,
     warned_ahead_s: float = 0.0,
 ) -> PairMotion:
-    """Relative motion of two tracks at an instant, for the record.
+    """Return the record of two tracks' relative motion at an instant.
 
-    An approach is warned of where the separation falls below ``warned_arcsec`` within the next
+    Its probability of an approach is that of a separation below ``warned_arcsec`` within the next
     ``warned_ahead_s`` seconds.
     """
     late_s = (t_utc_ns - path.t_utc_ns) / NS_PER_S
     since_s = late_s + np.linspace(0.0, path.horizon_s, _STEPS)
-    ways = path.at(since_s)
-    now, rate = ways[:, 0], 60.0 * path.rate_at(since_s[:1])[:, 0]
+    ways = path.positions_at(since_s)
+    now, rate = ways[:, 0], 60.0 * path.rates_at(since_s[:1])[:, 0]
     separation = np.hypot(*now.T)
     towards = now / np.maximum(separation, 1e-9)[:, None]
     separation_rate = np.sum(towards * rate, axis=1)
     east, north = np.mean(now, axis=0)
     angle_deg = float(np.degrees(np.arctan2(east, north))) % 360.0
     beside_deg = (np.degrees(np.arctan2(*now.T)) - angle_deg + 180.0) % 360.0 - 180.0
-    at_s, nearest = closest(since_s, ways)
+    at_s, nearest = closest_approaches(since_s, ways)
     after_s = at_s - late_s
     likely_s, soonest_s, latest_s = map(float, np.percentile(after_s, [50.0, _LOW, _HIGH]))
     share = likely_s / path.horizon_s
@@ -326,11 +323,11 @@ def pair_motion(
     )
 
 
-def closest(since_s: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times and distances (S,) at which S paths come nearest to 0.
+def closest_approaches(since_s: FloatArray, ways: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the times and distances, (S,) each, of the closest approach of S paths to 0.
 
-    ``ways``: the paths (S, M, 2) at even instants ``since_s`` (M,). Between three instants a path
-    counts as a parabola.
+    ``ways``: the paths (S, M, 2) at evenly spaced instants ``since_s`` (M,), interpolated by a
+    parabola through three instants.
     """
     squares = ways[..., 0] ** 2 + ways[..., 1] ** 2
     at = np.clip(np.argmin(squares, axis=1), 1, ways.shape[1] - 2)

@@ -18,20 +18,19 @@ from rsoconsole.tracking.filters import bank_update, lqe
 from rsoconsole.tracking.filters.agreement import streak_axis
 from rsoconsole.tracking.filters.bank import Bank, BankMeasurement
 from rsoconsole.tracking.filters.bank_update import BankInnovation
-from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, Plane
+from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, TangentPlane
 from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 _TEMPERED = 0.65
-"""Power of the likelihood by which intervals hold as often as they say (measured on SGP4's orbits):
-it is too sharp, as no motion fits exactly."""
+"""Power of the likelihood by which intervals hold as stated (measured on SGP4's orbits)."""
 
 
 def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, float]:
-    """Median of a bank's timing scatter, and both ends of the interval that holds ``share`` of it.
+    """Return median, low and high end, s, of a bank's timing scatter.
 
-    Seconds. Between the grid's scatters the log density (over the logarithm of the scatter) is a
-    parabola through the three likeliest ones; straight lines where the likeliest is at an end of
-    the grid.
+    The interval holds ``share`` of its probability. Between the scatters of the grid, the log
+    density over the logarithm of the scatter is a parabola through the three likeliest ones, or
+    straight lines where the likeliest is at an end of the grid.
     """
     log_s, each = np.log(bank.grid.scatters_s), bank.scatter_probabilities
     fine = np.linspace(log_s[0], log_s[-1], 40 * (len(log_s) - 1) + 1)
@@ -56,8 +55,7 @@ _WORTH_REPORTING = 1.5
 _MAX_CORRELATED = 0.99999
 
 COMMON_ARCSEC = 0.2
-"""Sigma on each axis of the error common to all directions of a night (the catalogue's frame, the
-lens), which no innovation shows: part of a state's covariance, not of the filters'."""
+"""Sigma on each axis of the error common to a night's directions, arcsec; not in the filters."""
 Bend = tuple[FloatArray, FloatArray]
 """Bend of a path: mean (2,) and covariance (2, 2) of change of speed (arcsec/s^2) and turn."""
 
@@ -78,14 +76,16 @@ def initialise(
     motion that the length of each streak indicates. ``is_shutter_known``: see ``bank.initiate``.
     Raises ValueError when the second is not the later one.
     """
-    dt_s = lqe.span_s(first, second)
+    dt_s = lqe.time_between_s(first, second)
     one = _position(first, settings, StreakErrors(along_arcsec[0]))
     two = _position(second, settings, StreakErrors(along_arcsec[1]))
-    way = Plane.at(one.ra_icrs_deg, one.dec_icrs_deg).place_of(two.ra_icrs_deg, two.dec_icrs_deg)
+    way = TangentPlane.at(one.ra_icrs_deg, one.dec_icrs_deg).project_arcsec(
+        two.ra_icrs_deg, two.dec_icrs_deg
+    )
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
-    bank = banks.initiate(one, rate, bend, is_shutter_known=is_shutter_known)
+    bank = banks.initiate_bank(one, rate, bend, is_shutter_known=is_shutter_known)
     bank = bank_update.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
-    return _state(bank, along_arcsec[1], **lqe.first_fields(first, second, track_id))
+    return _state(bank, along_arcsec[1], **lqe.first_state_fields(first, second, track_id))
 
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
@@ -97,7 +97,7 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     return _state(
         banks.predict(_bank_of(state), t_utc_ns, _roots(settings)),
         scatter_s=known,
-        **lqe.next_fields(state, frame_id, misses=state.misses + 1),
+        **lqe.next_state_fields(state, frame_id, misses=state.misses + 1),
     )
 
 
@@ -106,16 +106,16 @@ def innovations(
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> list[BankInnovation]:
-    """Innovations of measurements at the predicted instant: the first part of an update.
+    """Return the innovations of measurements at the predicted instant, before any update.
 
-    Each measurement comes with the errors that its streak's shape indicates. ``taken`` completes
-    the update.
+    Each measurement comes with the errors that its streak's shape indicates. An update needs one of
+    the results.
     """
     positions = [_position(m, settings, errors) for m, errors in measured]
-    return bank_update.innovations_of(_bank_of(predicted), positions)
+    return bank_update.bank_innovations(_bank_of(predicted), positions)
 
 
-def taken(
+def update_with_innovation(
     predicted: TrackState,
     measurement: Measurement,
     found: BankInnovation,
@@ -125,30 +125,30 @@ def taken(
 
     ``along_arcsec``: error along the streak that its length indicates, for the record.
     """
-    said = bank_update.taken(found)
+    said = bank_update.update_from_innovation(found)
     sigma = np.sqrt(np.diag(said.covariance))
-    fields = lqe.update_fields(predicted, measurement, said.nis, said.innovation, sigma)
+    fields = lqe.updated_state_fields(predicted, measurement, said.nis, said.innovation, sigma)
     return _state(said.after, along_arcsec, said.covariance, **fields)
 
 
-def restarted_from(
+def restart_from_prediction(
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,
     frame_id: int,
     failed: TrackState,
 ) -> TrackState:
-    """Restart the bank from another prediction, at the instant of its own.
+    """Restart the bank from another prediction of the track, at the same instant.
 
-    ``failed``: the track as the bank predicted it. ``covariance`` (4, 4) of east, its rate, north,
-    its rate: arcsec and arcsec/s. The learnt scatter and bend of the path stay.
+    ``failed``: the track as the bank predicted it. ``covariance``: (4, 4) of east, its rate, north,
+    its rate, in arcsec and arcsec/s. The learnt scatter and bend of the path stay.
     """
     before = _bank_of(failed)
     mean, spread = before.moments()
     bend = (mean[ACCELERATION:], spread[ACCELERATION:, ACCELERATION:])
     return _state(
-        banks.restarted(before, direction_deg, rate_arcsec_s, covariance, bend),
-        **lqe.next_fields(failed, frame_id, foretold_by="orbit"),
+        banks.restarted_bank(before, direction_deg, rate_arcsec_s, covariance, bend),
+        **lqe.next_state_fields(failed, frame_id, foretold_by="orbit"),
     )
 
 
@@ -162,8 +162,8 @@ def with_coarse_bank(state: TrackState) -> TrackState:
 def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
-    """Logarithm of the determinant of the mixture's innovation covariance, arcsec^2 squared."""
-    found = bank_update.innovation(_bank_of(predicted), _position(measurement, settings))
+    """Return the natural log of the determinant of the innovation covariance (in arcsec^4)."""
+    found = bank_update.bank_innovation(_bank_of(predicted), _position(measurement, settings))
     return float(np.linalg.slogdet(bank_update.innovation_covariance_of(found))[1])
 
 
@@ -193,7 +193,7 @@ def _position(
 
 def _roots(settings: FilterConfig) -> FloatArray | None:
     """Square roots of the operator's factors of Q, in the order of a motion."""
-    ra, ra_rate, dec, dec_rate = lqe.q_terms(settings)
+    ra, ra_rate, dec, dec_rate = lqe.q_multipliers(settings)
     factors = np.array([ra, dec, ra_rate, dec_rate, 1.0, 1.0]) * settings.q_multiplier
     return None if np.all(factors == 1.0) else np.sqrt(factors)
 
@@ -229,7 +229,7 @@ def _from_record(state: TrackState) -> Bank:
         covariance[:4, :4] = own
     weights, scatter_s, variance_scale = list(banks.MOTION_PRIORS), 0.0, 1.0
     if said is None:
-        covariance[ACCELERATION:, ACCELERATION:] = banks.unknown_bend(
+        covariance[ACCELERATION:, ACCELERATION:] = banks.unknown_bend_prior(
             math.hypot(*motion[VX : VY + 1])
         )[1]
     else:
@@ -239,16 +239,16 @@ def _from_record(state: TrackState) -> Bank:
         known = dict(said.motion_probabilities)
         weights = [known.get(name, 0.0) for name in banks.MOTIONS]
         scatter_s, variance_scale = said.scatter_s, said.variance_scale
-    plane = Plane.at(state.x[0], state.x[2])
-    return banks.of_single(
+    plane = TangentPlane.at(state.x[0], state.x[2])
+    return banks.bank_of_equal_filters(
         plane, state.t_utc_ns, motion, covariance, weights, scatter_s, variance_scale
     )
 
 
 def innovation_covariance(updated: TrackState) -> FloatArray:
-    """Covariance (2, 2) of the innovation of a state's update, on the sky, arcsec^2.
+    """Return the innovation covariance (2, 2), arcsec^2 on the sky, of the update of a state.
 
-    It is in memory only. Raises ValueError for a state that no update has just made.
+    It is in memory only. Raises ValueError for a state that is not directly from an update.
     """
     memory = updated.memory
     if not isinstance(memory, _Memory) or memory.innovation_covariance is None:
@@ -300,10 +300,10 @@ def _state(
 
 
 def timing_scatter_words(state: TrackState, known_s: float) -> str | None:
-    """Text of the scatter along the motion that a track has learnt; None: it has learnt none.
+    """Return the text of a track's learnt scatter along its motion; None: no bank.
 
-    ``known_s``: timing scatter that the measurements' covariances contain already. The text gives
-    the scatter as time only "if it is the shutter": a badly found end of a streak looks the same.
+    ``known_s``: timing scatter that the measurements' covariances contain already. The text calls
+    the scatter a time only "if it is the shutter": a badly found end of a streak looks the same.
     """
     if state.mixture is None:
         return None
@@ -336,10 +336,10 @@ def filter_summary_words(state: TrackState | None, known_s: float) -> str:
 def with_learned_errors(
     taken: Sequence[Measurement], scatter_s: float, variance_scale: float = 1.0
 ) -> tuple[Measurement, ...]:
-    """Return a track's measurements with the errors added that its filter has learnt.
+    """Return a track's measurements with the learnt errors in their covariances.
 
-    ``scatter_s``: timing scatter, along the motion from or to the measurement nearest in time.
-    ``variance_scale``: factor on the measurements' own variances.
+    ``scatter_s``: timing scatter, applied along the motion between each measurement and the nearest
+    in time. ``variance_scale``: factor on the measurements' own variances.
     """
     if len(taken) < 2 or (scatter_s <= 0.0 and variance_scale == 1.0):
         return tuple(taken)
@@ -363,8 +363,8 @@ def _scattered(
     span_s = (other.t_mid_utc_ns - measurement.t_mid_utc_ns) / 1e9
     if span_s == 0.0:
         return measurement
-    plane = Plane.at(measurement.ra_icrs_deg, measurement.dec_icrs_deg)
-    way = plane.place_of(other.ra_icrs_deg, other.dec_icrs_deg) / span_s * learnt[0]
+    plane = TangentPlane.at(measurement.ra_icrs_deg, measurement.dec_icrs_deg)
+    way = plane.project_arcsec(other.ra_icrs_deg, other.dec_icrs_deg) / span_s * learnt[0]
     east, north = float(way[0]), float(way[1])
     ee, en, nn = (learnt[1] * each for each in measurement.cov_sky_arcsec2)
     if not (ee > 0.0 and nn > 0.0 and ee * nn > en * en):

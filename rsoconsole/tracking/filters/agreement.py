@@ -1,12 +1,11 @@
 """Agreement of measurements with a track's motion, and of two that may initiate a track.
 
 Position alone does not distinguish neighbours: rate, streak direction and streak length are
-compared too. One streak does not show which of its ends came first, so directions are compared
-modulo 180 degrees, and before there is a track the displacement between two frames must match the
-streaks. With a track the streak is compared with the track's rates, and its position with the
-track's bounds. The displacement from the last measurement would be no third test: anywhere inside
-bounds of even 8 arcmin, after a coast of half an hour, it agrees with the track's rate to 2 per
-cent.
+compared too. A streak does not show which end came first, so directions are compared modulo 180
+degrees. Before there is a track, the displacement between two frames must match the streaks; with a
+track, the streak is compared with the track's rates and its position with the track's bounds. The
+displacement from the last measurement would add nothing: inside bounds of even 8 arcmin, after a
+coast of half an hour, it always agrees with the track's rate to 2 per cent.
 """
 
 import math
@@ -21,14 +20,11 @@ DIRECTION_TOLERANCE_DEG = 12.0
 LENGTH_TOLERANCE = 0.25
 SHORTEST_WITH_DIRECTION_ARCSEC = 20.0
 BENT_TOLERANCE_DEG = 20.0
-"""Tolerance of the direction of a streak as long as the motion at the expected place: stars that
-drift during the exposure, wind and a jumping mount bend it by as much."""
+"""Tolerance, deg, of the direction of a streak as long as the motion at the expected place."""
 SHORTER_TOLERANCE = 0.4
 """Fraction of its expected length by which a rival's streak may be too short."""
 PART_TOLERANCE, LONGER_TOLERANCE = 0.48, 1.0
-"""Shares of its length that the streak of a track may lack or have too much: they then show how
-badly its place along the motion is known (``streak_length``). Half as long is another object, half
-as fast."""
+"""Shares of its length that a track's streak may lack or have too much (``streak_length``)."""
 FLASHING_TOLERANCE = 0.65
 """Fraction of its expected length by which the streak of a flashing satellite may be too short."""
 
@@ -136,10 +132,10 @@ def pair_motion_mismatch(
 
 
 def pair_misfit_arcsec(first: Measurement, second: Measurement, exposure_s: float) -> float:
-    """Distance of the displacement of a pair from its streaks, whichever of their ends came first.
+    """Return how far the displacement of a pair is from its streaks, in either sense, arcsec.
 
-    Where neighbours are as near to each other as one of them moves, several pairs agree within the
-    tolerances: the pair with the least distance is the one object. 0 where no ends are known.
+    Where neighbours are as close as one of them moves, several pairs agree within the tolerances:
+    the pair with the least value is the one object. 0 where no ends are known.
     """
     moved = motion_in_exposure(first, second, exposure_s)
     if moved is None:

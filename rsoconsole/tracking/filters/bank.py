@@ -1,17 +1,17 @@
-"""Bank of filters: several motions weighed by their likelihood, and the scatter of a night. Pure.
+"""Bank of filters: motions weighed by likelihood, and a night's timing scatter. Pure.
 
-One filter cannot fit a satellite that keeps its slot, one that turns ten times as fast, and a
-shutter that opens late by chance. So there is a filter for each combination of ``MOTIONS``, of
+One filter cannot fit a satellite that keeps its slot, one whose path turns ten times as fast, and a
+shutter that opens late at random. So there is a filter for each combination of ``MOTIONS``, of
 ``VARIANCE_SCALES`` of the measurements' errors and of ``SCATTERS_S`` along the motion. Every
 measurement updates all of them; a filter's weight is its likelihood (a bank of filters: Magill
-1965; Bar-Shalom, Li & Kirubarajan 2001, 11.6). Their mixture predicts. A motion is six numbers
-(``sky_path``). For the ``parallel`` and the ``great circle`` the last two follow from the name; for
-``any orbit`` they are as uncertain as the admissible region of orbits leaves them
+1965; Bar-Shalom, Li & Kirubarajan 2001, 11.6). The prediction is their mixture. A motion is six
+numbers (``sky_path``): for the ``parallel`` and the ``great circle`` the last two follow from the
+name; for ``any orbit`` they are as uncertain as the admissible region of orbits leaves them
 (``orbits/first/population.py``).
 
-The error that a streak's length indicates is one of two hypotheses, weighed in the same way. A late
-shutter moves a streak along itself. How much it scatters is not known in advance: the innovations
-give each scatter its probability, and the interval is on record.
+Whether the length of a streak indicates its error rightly, or too large an error, are two more
+hypotheses, weighed in the same way. A late shutter moves a streak along itself. Its scatter is not
+known in advance: the innovations give each timing scatter its probability.
 """
 
 import functools
@@ -27,17 +27,16 @@ from rsoconsole.tracking.filters.sky_path import (
     ACCELERATION,
     ARCSEC_RAD,
     TURN,
-    Plane,
+    TangentPlane,
     constant_rate_bend,
-    motion_and_slopes_on_plane,
     plane_after,
+    propagate_with_jacobian,
 )
 
 MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
 PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
-"""Factors on a measurement's own variances: wind, a plate of few stars and ends that cloud has
-moved make errors larger than stated, across the motion as well as along it."""
+"""Factors on a measurement's own variances, across the motion as well as along it."""
 MAX_SCATTER_S = 3.0
 _MIN_SCATTER_S = 0.005
 SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
@@ -45,7 +44,7 @@ SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class FilterGrid:
     """Variance scales and timing scatters that a bank weighs against each other."""
 
     variance_scales: FloatArray
@@ -54,12 +53,12 @@ class Grid:
     """(S,) timing scatters, s."""
 
     @property
-    def per_motion(self) -> int:
+    def filters_per_motion(self) -> int:
         """Number of filters of each motion."""
         return len(self.variance_scales) * len(self.scatters_s)
 
     @functools.cached_property
-    def late_s(self) -> FloatArray:
+    def filter_timing_scatters_s(self) -> FloatArray:
         """(N,) timing scatter of each filter of a bank, in the bank's order, s."""
         return np.tile(self.scatters_s, len(MOTIONS) * len(self.variance_scales))
 
@@ -70,12 +69,11 @@ class Grid:
         return np.tile(each, len(MOTIONS))
 
 
-FINE = Grid(VARIANCE_SCALES, SCATTERS_S)
-COARSE = Grid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
+FINE = FilterGrid(VARIANCE_SCALES, SCATTERS_S)
+COARSE = FilterGrid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
 """Grid for tracks beside the lead where there are many: every second scale and scatter."""
 _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
-"""Powers with which the prior of a scatter falls; the second where the shutter's own is calibrated,
-so that it is in the measurements' covariances already."""
+"""Powers with which the prior of a scatter falls; the second where the shutter's is calibrated."""
 MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
 MIN_WEIGHT = 1e-12
@@ -83,16 +81,14 @@ _CALM_Q, _OPEN_Q = 3e-9, 1e-8
 """White acceleration, arcsec^2/s^3, at 15 arcsec/s; with the third power of the rate elsewhere."""
 _CALM_RATE_ARCSEC_S = 15.0
 _CHANGES, _OVER_RAD = np.array([0.006, 0.006, 0.5, 4.0]), 0.02
-"""One sigma of the change of turn over a radian of path, by motion, of an orbit seen from a turning
-Earth; and the path in radians up to which changes between measurements are random."""
+"""Sigma of the change of turn over a radian of path, by motion; path of random changes, rad."""
 _GOES_ON = np.array([0.0, 0.0, 1.5, 1.5])
 """Least change of that kind, by motion, over a longer coast."""
 _LONGEST_STEP_S, _MAX_STEPS = 120.0, 60
 _WIDENED = 2.0
 """Factor on the variances that the admissible region leaves: it is no census."""
 _MOST = np.array([60.0 * 3600.0, 60.0 * 3600.0, 10.0 * 3600.0, 10.0 * 3600.0])
-"""Limits of a place, arcsec, and rate, arcsec/s, and of one sigma of them: beyond, a filter has run
-away."""
+"""Limits of a place, arcsec, and rate, arcsec/s, and of their sigmas: beyond, it ran away."""
 _WIDEST = 0.99
 """Share of these limits to which a filter is brought back."""
 _BELIEVED = 1e-9
@@ -103,9 +99,9 @@ _OF_RATE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Filters at one instant, by motion, variance scale and scatter, the last varying fastest."""
+    """Filters at one instant, ordered by motion, variance scale and timing scatter (fastest)."""
 
-    plane: Plane
+    plane: TangentPlane
     t_utc_ns: int
     means: FloatArray
     """(N, 6) mean motions of the filters, as in ``sky_path``."""
@@ -117,7 +113,7 @@ class Bank:
     """(N,) length of each filter's path since the last measurement, rad."""
     length_log_odds: float = 0.0
     """Logarithm of the odds that streak lengths indicate their error rightly, not too large."""
-    grid: Grid = FINE
+    grid: FilterGrid = FINE
 
     @functools.cached_property
     def weights(self) -> FloatArray:
@@ -147,7 +143,7 @@ class Bank:
         return float(self.variance_scale_probabilities @ self.grid.variance_scales)
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
-        """Mean (6,) and covariance (6, 6) of the mixture."""
+        """Return the mean (6,) and covariance (6, 6) of the mixture of all filters."""
         weights = self.weights
         mean = weights @ self.means
         off = self.means - mean
@@ -169,8 +165,8 @@ class BankMeasurement:
     axis: FloatArray | None = None
     """(2,) unit vector along the streak, turned by drift and wind; None: along the motion."""
 
-    def length_error(self, ahead: FloatArray) -> FloatArray:
-        """(..., 2, 2) covariance by the error that the streak's length indicates, arcsec^2.
+    def length_error_covariance(self, ahead: FloatArray) -> FloatArray:
+        """Return the covariance (..., 2, 2) by the error from the streak's length, arcsec^2.
 
         ``ahead`` (..., 2): unit vector of the motion, used where the streak has no axis.
         """
@@ -178,7 +174,7 @@ class BankMeasurement:
         return np.asarray(self.along_arcsec**2 * axis[..., :, None] * axis[..., None, :])
 
 
-def initiate(
+def initiate_bank(
     first: BankMeasurement,
     rate_arcsec_s: tuple[float, float],
     bend: tuple[FloatArray, FloatArray] | None,
@@ -187,22 +183,24 @@ def initiate(
 ) -> Bank:
     """Start a bank at one direction, with a rate (east, north) of large uncertainty.
 
-    ``bend``: possible bend of an orbit's path: mean (2,) and covariance (2, 2) of change of speed
-    and turn; None: unknown. ``is_shutter_known``: the shutter's scatter is calibrated and in the
-    covariance, so that further scatter is less likely.
+    ``bend``: mean (2,) and covariance (2, 2) of the path's change of speed (arcsec/s^2) and turn;
+    None: unknown. ``is_shutter_known``: True where the covariance of ``first`` contains the
+    shutter's calibrated scatter, so that further scatter is less likely.
     """
-    plane = Plane.at(first.ra_icrs_deg, first.dec_icrs_deg)
+    plane = TangentPlane.at(first.ra_icrs_deg, first.dec_icrs_deg)
     rate = np.array(rate_arcsec_s)
     speed = max(float(np.hypot(*rate)), 1e-3)
     ahead = rate / speed
-    mean, spread = unknown_bend(speed) if bend is None else bend
+    mean, spread = unknown_bend_prior(speed) if bend is None else bend
     calm = constant_rate_bend(first.dec_icrs_deg, rate)
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
     covariances = np.zeros((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S), 6, 6))
     along = np.outer(ahead, ahead) * speed**2
     covariances[..., :2, :2] = VARIANCE_SCALES[:, None, None, None] * first.covariance
-    covariances[..., :2, :2] += (SCATTERS_S**2)[:, None, None] * along + first.length_error(ahead)
+    covariances[..., :2, :2] += (SCATTERS_S**2)[
+        :, None, None
+    ] * along + first.length_error_covariance(ahead)
     covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
     covariances[ANY_ORBIT:, ..., ACCELERATION:, ACCELERATION:] = _WIDENED * spread
     likely = SCATTERS_S ** -(_SCATTER_FALLS_KNOWN if is_shutter_known else _SCATTER_FALLS)
@@ -210,7 +208,7 @@ def initiate(
     return Bank(
         plane=plane,
         t_utc_ns=first.t_utc_ns,
-        means=np.repeat(means, FINE.per_motion, axis=0),
+        means=np.repeat(means, FINE.filters_per_motion, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
         log_weights=np.log(np.maximum(weights.ravel(), MIN_WEIGHT)),
         path_since_update_rad=np.zeros(len(covariances.reshape(-1, 6, 6))),
@@ -220,7 +218,7 @@ def initiate(
 def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
     """Predict the bank to another instant, later or earlier.
 
-    ``roots`` (6,): square roots of the operator's factors of the process noise; None: all 1.
+    ``roots`` (6,): square roots of the operator's factors on the process noise; None: all 1.
     """
     left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
     steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MAX_STEPS)
@@ -232,7 +230,7 @@ def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
 
 def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     means = bank.means.copy()
-    per_motion = bank.grid.per_motion
+    per_motion = bank.grid.filters_per_motion
     parallel = slice(PARALLEL * per_motion, (PARALLEL + 1) * per_motion)
     _, dec_deg = bank.plane.direction_deg
     means[parallel, ACCELERATION:] = constant_rate_bend(
@@ -240,7 +238,7 @@ def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     )
     mean = bank.weights @ means
     onto = plane_after(bank.plane, mean, dt_s)
-    after, slopes = motion_and_slopes_on_plane(bank.plane, means, dt_s, onto)
+    after, slopes = propagate_with_jacobian(bank.plane, means, dt_s, onto)
     covariances = slopes @ bank.covariances @ np.swapaxes(slopes, -1, -2)
     length = np.hypot(means[:, 2], means[:, 3]) * abs(dt_s) * ARCSEC_RAD
     covariances = covariances + scale * _noise(means, dt_s, bank.path_since_update_rad, length)
@@ -273,8 +271,8 @@ def _sound(bank: Bank) -> Bank:
     log_weights, path = bank.log_weights.copy(), bank.path_since_update_rad.copy()
     usable = is_sound | is_believed
     likely = np.where(usable, log_weights, -np.inf)
-    for motion, first in enumerate(range(0, len(means), bank.grid.per_motion)):
-        own = np.arange(first, first + bank.grid.per_motion)
+    for motion, first in enumerate(range(0, len(means), bank.grid.filters_per_motion)):
+        own = np.arange(first, first + bank.grid.filters_per_motion)
         among = own if usable[own].any() else np.arange(len(means))
         best, astray = among[np.argmax(likely[among])], own[~usable[own]]
         means[astray], covariances[astray] = means[best], covariances[best]
@@ -342,13 +340,16 @@ def _noise(
     return noise
 
 
-def unknown_bend(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
-    """Mean (2,) and covariance (2, 2) of the bend of a path about which nothing is known."""
+def unknown_bend_prior(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the prior of an unknown path's change of speed (arcsec/s^2) and turn.
+
+    As mean (2,) and covariance (2, 2).
+    """
     gain = speed_arcsec_s**2 * ARCSEC_RAD
     return np.zeros(2), np.diag([gain**2, 1.0])
 
 
-def restarted(
+def restarted_bank(
     bank: Bank,
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
@@ -358,15 +359,16 @@ def restarted(
     """Restart all filters from another prediction of the object, at the bank's instant.
 
     ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. ``bend``: mean
-    and covariance of the bend of the path. The learnt scatter stays.
+    (2,) and covariance (2, 2) of the path's change of speed and turn. The weights of the filters
+    stay.
     """
-    plane = Plane.at(*direction_deg)
+    plane = TangentPlane.at(*direction_deg)
     mean, spread = bend
     calm = constant_rate_bend(direction_deg[1], np.array(rate_arcsec_s))
     bends = (calm, np.zeros(2), mean, mean)
     means = np.array([[0.0, 0.0, *rate_arcsec_s, *each] for each in bends])
     order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
-    per_motion = bank.grid.per_motion
+    per_motion = bank.grid.filters_per_motion
     covariances = np.zeros((len(MOTIONS), per_motion, 6, 6))
     covariances[..., :4, :4] = np.asarray(covariance)[order]
     covariances[ANY_ORBIT:, :, ACCELERATION:, ACCELERATION:] = spread
@@ -382,16 +384,16 @@ def restarted(
 def coarse_bank(bank: Bank) -> Bank:
     """Return the bank merged onto the ``COARSE`` grid; a coarse bank is returned as it is.
 
-    Each new filter has the summed weight, and the mixture's mean and covariance, of those merged
-    into it.
+    Each new filter has the summed weight, the mean and the covariance of the filters merged into
+    it.
     """
     if bank.grid is COARSE:
         return bank
     scale = _nearest(COARSE.variance_scales, bank.grid.variance_scales)
     scatter = _nearest(COARSE.scatters_s, bank.grid.scatters_s)
     of_motion = (scale[:, None] * len(COARSE.scatters_s) + scatter).ravel()
-    onto = np.arange(len(MOTIONS))[:, None] * COARSE.per_motion + of_motion
-    belongs = np.zeros((len(MOTIONS) * COARSE.per_motion, len(bank.means)))
+    onto = np.arange(len(MOTIONS))[:, None] * COARSE.filters_per_motion + of_motion
+    belongs = np.zeros((len(MOTIONS) * COARSE.filters_per_motion, len(bank.means)))
     belongs[onto.ravel(), np.arange(len(bank.means))] = np.maximum(bank.weights, MIN_WEIGHT)
     weights = belongs.sum(axis=1)
     share = belongs / weights[:, None]
@@ -413,8 +415,8 @@ def _nearest(few: FloatArray, many: FloatArray) -> npt.NDArray[np.intp]:
     return np.asarray(np.argmin(np.abs(np.log(many[:, None] / few)), axis=1))
 
 
-def of_single(  # noqa: PLR0917 -- all that one filter says
-    plane: Plane,
+def bank_of_equal_filters(  # noqa: PLR0917 -- all that one filter says
+    plane: TangentPlane,
     t_utc_ns: int,
     motion: FloatArray,
     covariance: FloatArray,
@@ -422,17 +424,18 @@ def of_single(  # noqa: PLR0917 -- all that one filter says
     scatter_s: float,
     variance_scale: float = 1.0,
 ) -> Bank:
-    """Make a bank of which every filter has the same motion (6,) and covariance (6, 6).
+    """Make a bank in which every filter has the same motion (6,) and covariance (6, 6).
 
-    The filters nearest to ``scatter_s`` and ``variance_scale`` get the weights, by motion.
+    ``motion_probabilities`` are the weights of the filters nearest to ``scatter_s`` and
+    ``variance_scale``; all others have the least weight.
     """
-    every = len(MOTIONS) * FINE.per_motion
+    every = len(MOTIONS) * FINE.filters_per_motion
     nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _MIN_SCATTER_S)))))
     widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))
     weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S)), MIN_WEIGHT)
     weights[:, widest, nearest] = np.maximum(motion_probabilities, MIN_WEIGHT)
     means, covariances = np.tile(motion, (every, 1)), np.tile(covariance, (every, 1, 1))
-    calm = slice(0, ANY_ORBIT * FINE.per_motion)
+    calm = slice(0, ANY_ORBIT * FINE.filters_per_motion)
     means[calm, ACCELERATION:] = covariances[calm, ACCELERATION:, :] = covariances[
         calm, :, ACCELERATION:
     ] = 0.0

@@ -1,9 +1,9 @@
 """Update of a bank of filters with a measurement. Pure.
 
-The innovation costs a fraction of the update, and most pairs of a crowded field need nothing else.
-A measurement has three hypotheses: the length of its streak indicates its error rightly, or too
-large an error, or the measurement has gone wrong (one in a hundred). Each filter is updated with
-their mixture.
+An innovation costs a fraction of an update, and most pairs of a track and a measurement in a
+crowded field need only that. A measurement has three hypotheses: its streak's length indicates the
+error rightly; it indicates too large an error; the measurement is wrong (one in a hundred). Each
+filter is updated with their mixture.
 """
 
 import math
@@ -21,7 +21,7 @@ from rsoconsole.tracking.filters.bank import (
     Bank,
     BankMeasurement,
 )
-from rsoconsole.tracking.filters.sky_path import ACCELERATION, Plane, motion_on_plane
+from rsoconsole.tracking.filters.sky_path import ACCELERATION, TangentPlane, propagate_onto_plane
 
 _MIN_SHARE = 1e-14
 """Least determinant, as a share of the product of both variances."""
@@ -29,7 +29,7 @@ _MIN_SHARE = 1e-14
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilterInnovations:
-    """Innovations of N filters for one measurement with a given noise."""
+    """Innovations of N filters for one measurement, under one assumed noise."""
 
     off: FloatArray
     """(N, 2) innovations, arcsec."""
@@ -46,7 +46,7 @@ class FilterInnovations:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilterUpdates:
-    """Updates of N filters with one measurement of a given noise."""
+    """Updates of N filters with one measurement, under one assumed noise."""
 
     s: FloatArray
     """(N, 2, 2) covariance of the innovation."""
@@ -78,27 +78,27 @@ def merged_filter_updates(
 
 
 def merged_nis(usual: FloatArray, other: FloatArray, share: float) -> FloatArray:
-    """(N,) merged NIS of two alternative updates; ``other`` is right with probability ``share``."""
+    """Merge the NIS (N,) of two updates; ``other`` is right with probability ``share``."""
     return np.asarray(
         -2.0 * np.logaddexp(math.log(1.0 - share) - 0.5 * usual, math.log(share) - 0.5 * other)
     )
 
 
-def log_sum(logs: FloatArray) -> float:
-    """Logarithm of a sum of exponentials, without underflow."""
+def log_sum_exp(logs: FloatArray) -> float:
+    """Return the logarithm of the sum of exp(``logs``), without underflow."""
     most = float(logs.max())
     if not math.isfinite(most):
         return -math.inf
     return most + math.log(float(np.exp(logs - most).sum()))
 
 
-def innovations(
+def filter_innovations(
     predicted: FloatArray, off: Sequence[FloatArray], noise: Sequence[FloatArray]
 ) -> list[FilterInnovations]:
-    """Innovations of N filters for several measurements.
+    """Compute the innovations of N filters for several measurements.
 
-    ``predicted`` (N, 6, 6): covariances of the filters. For each measurement: offsets ``off`` (N,
-    2) from the filters, and noise (N, 2, 2).
+    ``predicted`` (N, 6, 6): covariances of the filters. For each measurement: ``off`` (N, 2), its
+    offsets from the filters' means, arcsec, and ``noise`` (N, 2, 2), its covariance.
     """
     every, number = np.concatenate(noise), len(predicted)
     s = every + np.tile(predicted[:, :2, :2], (len(noise), 1, 1))
@@ -115,9 +115,9 @@ def innovations(
 
 
 def inverses_and_log_dets(s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Inverses (..., 2, 2) of covariances and logarithms (...) of their determinants.
+    """Return inverses (..., 2, 2) and log determinants (...) of covariances.
 
-    Written out: for two rows a library's decomposition takes five times as long.
+    In closed form: for 2 x 2 a library's decomposition takes five times as long.
     """
     xx, xy, yy = s[..., 0, 0], s[..., 0, 1], s[..., 1, 1]
     # What is sure in one direction and all but unknown in the other has no digits left for it.
@@ -128,8 +128,8 @@ def inverses_and_log_dets(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     return inverse, np.log(det)
 
 
-def answer(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
-    """Updates of N filters with covariances (N, 6, 6), from their innovations."""
+def filter_updates(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
+    """Compute the updates of N filters with covariances (N, 6, 6) from their innovations."""
     gain = predicted[:, :, :2] @ found.inverse
     # Joseph's form keeps it positive; only two columns are measured.
     half = predicted - gain @ predicted[:, :2]
@@ -145,12 +145,9 @@ def answer(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
 
 
 RARE, _RARE_SCATTER_S = 0.01, 0.8
-"""Share of measurements that are late or wrong by far more than the night's scatter, and their
-scatter, s: a filter must neither shut them out for ever nor be upset by them (a mixture of two
-noises)."""
+"""Share of measurements that are late or wrong by far more than usual, and their scatter, s."""
 _LENGTH_SAYS_TOO_MUCH = 0.15
-"""Share of the indicated error that is real where both ends err alike (haze, a drift that
-changes)."""
+"""Share of the indicated error that is real where both ends err alike."""
 _MAX_LOG_ODDS = 3.0
 """Largest size of the log-odds, so that a night that changes is believed again soon."""
 
@@ -177,22 +174,21 @@ class BankUpdate:
 
     after: Bank
     nis: float
-    """Minus twice the logarithm of the probability that a sound mixture shows more: with one filter
-    alone its normalised innovation squared."""
+    """Minus twice the log of the probability that a sound mixture shows more; one filter: NIS."""
     innovation: FloatArray
     """(2,) measured minus the mixture's mean, arcsec."""
     covariance: FloatArray
     """(2, 2) covariance of the mixture's innovation, arcsec^2."""
 
 
-def innovation(bank: Bank, seen: BankMeasurement) -> BankInnovation:
-    """Compute the innovation of a measurement at the bank's instant: less work than an update."""
-    return innovations_of(bank, (seen,))[0]
+def bank_innovation(bank: Bank, seen: BankMeasurement) -> BankInnovation:
+    """Compute the innovation of a measurement at the bank's instant, without the update."""
+    return bank_innovations(bank, (seen,))[0]
 
 
-def innovations_of(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankInnovation]:
+def bank_innovations(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankInnovation]:
     """Compute the innovations of several measurements at the bank's instant."""
-    places = [bank.plane.place_of(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
+    places = [bank.plane.project_arcsec(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
     off = [place - bank.means[:, :2] for place in places]
     # Where its length says something, also as if it said too much.
     less = {
@@ -203,7 +199,7 @@ def innovations_of(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankInno
     speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
     noise = [_measured_noise(bank, speed, each) for each in (*seen, *less.values())]
     noise += [_rare_noise(bank, speed, each) for each in seen]
-    found = innovations(bank.covariances, [*off, *(off[n] for n in less), *off], noise)
+    found = filter_innovations(bank.covariances, [*off, *(off[n] for n in less), *off], noise)
     with_length, rare = found[: len(seen)], found[-len(seen) :]
     without_length = dict(zip(less, found[len(seen) :], strict=False))
     log_weights, each_of = _log_weights(bank), []
@@ -219,7 +215,7 @@ def innovations_of(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankInno
                 with_length=with_length[n],
                 without_length=without_length.get(n),
                 rare=rare[n],
-                nis=-2.0 * min(log_sum(log_weights - 0.5 * nis), 0.0),
+                nis=-2.0 * min(log_sum_exp(log_weights - 0.5 * nis), 0.0),
             )
         )
     return each_of
@@ -227,16 +223,16 @@ def innovations_of(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankInno
 
 def update(bank: Bank, seen: BankMeasurement) -> BankUpdate:
     """Update a bank with a measurement at its instant."""
-    return taken(innovation(bank, seen))
+    return update_from_innovation(bank_innovation(bank, seen))
 
 
-def taken(found: BankInnovation) -> BankUpdate:
-    """Return the bank updated with a measurement, from its innovation."""
+def update_from_innovation(found: BankInnovation) -> BankUpdate:
+    """Complete the update of a bank with a measurement, from its innovation."""
     bank, log_weights = found.bank, _log_weights(found.bank)
     plain, length_log_odds = _plain(found, log_weights)
-    both = merged_filter_updates(plain, answer(bank.covariances, found.rare), RARE)
+    both = merged_filter_updates(plain, filter_updates(bank.covariances, found.rare), RARE)
     total = log_weights + both.log_likelihoods
-    log_likelihood = log_sum(total)
+    log_likelihood = log_sum_exp(total)
     after = replace(
         bank,
         means=bank.means + both.steps,
@@ -245,7 +241,7 @@ def taken(found: BankInnovation) -> BankUpdate:
         path_since_update_rad=np.zeros(len(log_weights)),
         length_log_odds=length_log_odds,
     )
-    per_motion = bank.grid.per_motion
+    per_motion = bank.grid.filters_per_motion
     calm = slice(0, ANY_ORBIT * per_motion)
     after.covariances[calm, ACCELERATION:, :] = after.covariances[calm, :, ACCELERATION:] = 0.0
     after.means[GREAT_CIRCLE * per_motion : ANY_ORBIT * per_motion, ACCELERATION:] = 0.0
@@ -281,12 +277,12 @@ def _says_too_much(bank: Bank) -> float:
 def _plain(found: BankInnovation, log_weights: FloatArray) -> tuple[FilterUpdates, float]:
     """Update by both hypotheses of the streak's length, and the new log-odds of them."""
     bank = found.bank
-    with_length = answer(bank.covariances, found.with_length)
+    with_length = filter_updates(bank.covariances, found.with_length)
     if found.without_length is None:
         return with_length, bank.length_log_odds
-    without_length = answer(bank.covariances, found.without_length)
-    odds = log_sum(log_weights + with_length.log_likelihoods)
-    odds -= log_sum(log_weights + without_length.log_likelihoods)
+    without_length = filter_updates(bank.covariances, found.without_length)
+    odds = log_sum_exp(log_weights + with_length.log_likelihoods)
+    odds -= log_sum_exp(log_weights + without_length.log_likelihoods)
     after = min(max(bank.length_log_odds + odds, -_MAX_LOG_ODDS), _MAX_LOG_ODDS)
     return merged_filter_updates(with_length, without_length, _says_too_much(bank)), after
 
@@ -294,13 +290,13 @@ def _plain(found: BankInnovation, log_weights: FloatArray) -> tuple[FilterUpdate
 def _centred(bank: Bank) -> Bank:
     """Return the same bank on the plane that touches the sky at its mixture."""
     x, y = bank.weights @ bank.means[:, :2]
-    onto = Plane.at(*bank.plane.direction_of(float(x), float(y)))
-    return replace(bank, plane=onto, means=motion_on_plane(bank.plane, bank.means, 0.0, onto))
+    onto = TangentPlane.at(*bank.plane.direction_of(float(x), float(y)))
+    return replace(bank, plane=onto, means=propagate_onto_plane(bank.plane, bank.means, 0.0, onto))
 
 
 def _measured_noise(bank: Bank, speed: FloatArray, seen: BankMeasurement) -> FloatArray:
     """(N, 2, 2) measured covariance, widened by each filter's factor, and its timing scatter."""
-    shift = bank.means[:, 2:4] * bank.grid.late_s[:, None]
+    shift = bank.means[:, 2:4] * bank.grid.filter_timing_scatters_s[:, None]
     own = bank.grid.filter_variance_scales[:, None, None] * seen.covariance
     noise = own + shift[:, :, None] * shift[:, None, :]
     return np.asarray(_with_length_error(noise, bank, speed, seen))
@@ -318,4 +314,4 @@ def _with_length_error(
 ) -> FloatArray:
     if seen.along_arcsec == 0.0:
         return noise
-    return noise + seen.length_error(bank.means[:, 2:4] / speed[:, None])
+    return noise + seen.length_error_covariance(bank.means[:, 2:4] / speed[:, None])

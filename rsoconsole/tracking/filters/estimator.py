@@ -1,8 +1,7 @@
-"""The filter of a preset: for ``adaptive`` a bank of filters, for ``tuned`` and ``paper`` one.
-Pure.
+"""Estimator of a preset: a bank of filters for ``adaptive``, else one filter. Pure.
 
-Nights are replayed by the preset that they were recorded with, so no preset ever changes its result
-for given measurements.
+Nights are replayed with the preset that they were recorded with: a preset's result for given
+measurements must never change.
 """
 
 import functools
@@ -16,9 +15,9 @@ from rsoconsole.tracking.filters.adaptive import Bend
 from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
 
-def make_ready(settings: FilterConfig) -> None:
-    """Load slow modules in advance: the first slew to a satellite would wait for them."""
-    if settings.uses_bank:
+def preload_modules(settings: FilterConfig) -> None:
+    """Load slow modules in advance, so that the first slew need not wait for them."""
+    if settings.uses_filter_bank:
         import scipy.optimize  # noqa: F401 - which measurement is of which of several tracks
     else:
         import filterpy.kalman  # noqa: F401
@@ -36,12 +35,12 @@ def initialise(
 ) -> TrackState:
     """Initiate a track at the second of two measurements.
 
-    For presets that use them: ``bend``, possible bend of an orbit's path through the first;
-    ``along_arcsec``, sigma along the motion that the length of each streak indicates;
-    ``is_shutter_known``, whether the shutter's scatter was calibrated. Raises ValueError when the
+    The preset ``adaptive`` also uses ``bend`` (possible bend of an orbit's path through the first),
+    ``along_arcsec`` (sigma along the motion that the length of each streak indicates) and
+    ``is_shutter_known`` (whether the shutter's scatter was calibrated). Raises ValueError when the
     second is not the later one.
     """
-    if settings.uses_bank:
+    if settings.uses_filter_bank:
         return adaptive.initialise(
             first,
             second,
@@ -56,7 +55,7 @@ def initialise(
 
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
     """Predict the track to another instant, for the frame ``frame_id``."""
-    if settings.uses_bank:
+    if settings.uses_filter_bank:
         return adaptive.predict(state, t_utc_ns, settings, frame_id)
     return lqe.predict(state, t_utc_ns, settings, frame_id)
 
@@ -65,7 +64,8 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
 class CandidateUpdate:
     """Possible update of a track with a measurement: its NIS, and the updated track on demand.
 
-    Most pairs of a crowded field need only the NIS; the updated track takes most of the time.
+    Most pairs in a crowded field need only the NIS, and computing the track takes most of the
+    time.
     """
 
     nis: float | None
@@ -85,9 +85,9 @@ def candidate_update(
 ) -> CandidateUpdate:
     """Compute the possible update of a track with a measurement.
 
-    ``errors``: those that the streak's shape indicates, for presets that use them. With a rolling
-    shutter the measurement may be a little later than the frame: the prediction is carried to its
-    instant.
+    ``errors``: extra errors that the streak's shape indicates; used by ``adaptive`` alone. With a
+    rolling shutter a measurement may be a little later than its frame: the track is first predicted
+    to the instant of the measurement.
     """
     there = _at(predicted, measurement, settings)
     return _weighed_there(there, ((measurement, errors),), settings)[measurement]
@@ -98,7 +98,10 @@ def candidate_updates(
     measured: Sequence[tuple[Measurement, StreakErrors]],
     settings: FilterConfig,
 ) -> dict[Measurement, CandidateUpdate]:
-    """``candidate_update`` of several measurements, each with its streak's errors, in less time."""
+    """Compute the possible updates with several measurements, each with its streak's errors.
+
+    As ``candidate_update`` for each, in less time.
+    """
     if all(m.t_mid_utc_ns == predicted.t_utc_ns for m, _ in measured):
         return _weighed_there(predicted, measured, settings)
     return {m: candidate_update(predicted, m, settings, errors) for m, errors in measured}
@@ -109,13 +112,15 @@ def _weighed_there(
 ) -> dict[Measurement, CandidateUpdate]:
     if not measured:
         return {}
-    if not settings.uses_bank:
+    if not settings.uses_filter_bank:
         return {m: _made(lqe.update(there, m, settings)) for m, _ in measured}
     innovations = adaptive.innovations(there, measured, settings)
     return {
         m: CandidateUpdate(
             nis=found.nis,
-            make=functools.partial(adaptive.taken, there, m, found, errors.along_arcsec),
+            make=functools.partial(
+                adaptive.update_with_innovation, there, m, found, errors.along_arcsec
+            ),
         )
         for (m, errors), found in zip(measured, innovations, strict=True)
     }
@@ -143,7 +148,7 @@ def _at(predicted: TrackState, measurement: Measurement, settings: FilterConfig)
     return replace(carried, misses=predicted.misses, foretold_by=predicted.foretold_by)
 
 
-def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+def restarted_track(  # noqa: PLR0917 -- a direction, its motion and how well both are known
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,
@@ -151,16 +156,16 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
     failed: TrackState,
     settings: FilterConfig,
 ) -> TrackState:
-    """Restart the filter from another prediction, at an instant.
+    """Restart the filter at an instant from another prediction, for example the orbit's.
 
     ``failed``: the track as its own filter predicted it. ``covariance`` (4, 4) of east, its rate,
     north, its rate: arcsec and arcsec/s.
     """
-    if settings.uses_bank and failed.t_utc_ns == t_utc_ns:
-        return adaptive.restarted_from(
+    if settings.uses_filter_bank and failed.t_utc_ns == t_utc_ns:
+        return adaptive.restart_from_prediction(
             direction_deg, rate_arcsec_s, covariance, failed.frame_id, failed
         )
-    return lqe.restarted_from(
+    return lqe.restarted_track(
         direction_deg, rate_arcsec_s, covariance, t_utc_ns, failed.frame_id, failed
     )
 
@@ -168,8 +173,8 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
 def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
-    """Logarithm of the determinant of the innovation's covariance on the sky, arcsec^2 squared."""
+    """Return the log determinant of the innovation's covariance on the sky, arcsec^4."""
     predicted = _at(predicted, measurement, settings)
-    if settings.uses_bank:
+    if settings.uses_filter_bank:
         return adaptive.log_det_innovation(predicted, measurement, settings)
     return lqe.log_det_innovation(predicted, measurement, settings)

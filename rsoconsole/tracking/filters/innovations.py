@@ -2,9 +2,9 @@
 
 The normalised innovation squared (NIS) of a sound filter with two measured coordinates is
 chi-square distributed with 2 degrees of freedom, and innovations of successive frames are
-uncorrelated (Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4.2). A mean NIS
-that is too large with innovations that run on one side means that the motion is not followed (Q);
-without that, that the measurements scatter more than is believed (R).
+uncorrelated (Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4.2). If the mean
+NIS is too large and successive innovations have the same sign, the filter lags behind the motion (Q
+is too small); if they do not, the measurements scatter more than assumed (R is too small).
 """
 
 import itertools
@@ -19,7 +19,6 @@ NIS_BAND = (0.0506, 7.3778)
 """Bounds of 95 % of the NIS of a sound filter with two degrees of freedom."""
 WINDOW = 12
 MIN_UPDATES = 5
-"""Least number of updates by which a filter is judged."""
 _MAX_STEPS = 60
 _ONE_SIDED = 0.5
 """Correlation of successive innovations from which they run on one side."""
@@ -36,7 +35,6 @@ class Consistency:
     """Mean of the last NIS, about 2 for a sound filter; None: no update yet."""
     count: int
     words: str
-    """The result as a sentence for the operator."""
 
 
 def consistency(
@@ -44,7 +42,8 @@ def consistency(
 ) -> Consistency:
     """Judge the consistency of a filter by its last ``WINDOW`` updates.
 
-    ``nis``: the NIS of each update, oldest first; ``residuals_arcsec``: its residual (east, north).
+    Oldest first, for each update: ``nis``, its NIS, and ``residuals_arcsec``, its innovation (east,
+    north).
     """
     recent = list(nis)[-WINDOW:]
     count = len(recent)
@@ -53,7 +52,7 @@ def consistency(
         mean = sum(recent) / count if count else None
         return Consistency(verdict="too few", mean=mean, count=count, words=words)
     mean = sum(recent) / count
-    low, high = mean_band(count)
+    low, high = mean_nis_band(count)
     verdict: Verdict = "sound"
     words = "in band"
     if mean > high:
@@ -72,8 +71,8 @@ def consistency(
 
 
 @lru_cache(maxsize=256)
-def mean_band(count: int) -> tuple[float, float]:
-    """Bounds that hold the mean of ``count`` NIS of a sound filter 95 times in 100."""
+def mean_nis_band(count: int) -> tuple[float, float]:
+    """Return the 95 % bounds of the mean of ``count`` NIS of a sound filter."""
     return _mean_exceeded(count, 0.975), _mean_exceeded(count, 0.025)
 
 
@@ -96,10 +95,11 @@ def _mean_exceeded(count: int, chance: float) -> float:
     return 2.0 * half_sum / count
 
 
-def lag_one(innovations: Sequence[tuple[float, float]]) -> float | None:
-    """Correlation of each innovation, in its sigmas, with the next, both axes together.
+def lag_one_correlation(innovations: Sequence[tuple[float, float]]) -> float | None:
+    """Return the correlation of successive innovations, both axes together.
 
-    About 0 for a sound filter, within 2 / sqrt(n) 95 times in 100; None for fewer than three.
+    ``innovations``: (east, north), each over its sigma. About 0 for a sound filter: within 2 /
+    sqrt(n) in 95 % of cases. None for fewer than three.
     """
     total = math.fsum(value * value for each in innovations for value in each)
     if len(innovations) < 3 or total <= 0.0:

@@ -48,7 +48,7 @@ def initialise(
     The angles are those of the second, the rates follow from both. Raises ValueError when the
     second is not the later one.
     """
-    dt_s = span_s(first, second)
+    dt_s = time_between_s(first, second)
     ra_rate = wrap_180(second.ra_icrs_deg - first.ra_icrs_deg) / dt_s
     dec_rate = (second.dec_icrs_deg - first.dec_icrs_deg) / dt_s
     x = np.array([second.ra_icrs_deg, ra_rate, second.dec_icrs_deg, dec_rate])
@@ -56,15 +56,15 @@ def initialise(
         second.t_mid_utc_ns,
         x,
         _initial_covariance(first, second, settings),
-        **first_fields(first, second, track_id),
+        **first_state_fields(first, second, track_id),
         q_scale=_first_scale(second, settings),
     )
 
 
-def span_s(first: Measurement, second: Measurement) -> float:
-    """Seconds between the two measurements of a new track.
+def time_between_s(first: Measurement, second: Measurement) -> float:
+    """Return the seconds from the first to the second measurement of a new track.
 
-    Raises ValueError when they are not in order of time.
+    Raises ValueError when the second is not the later one.
     """
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
     if dt_s <= 0.0:
@@ -72,7 +72,7 @@ def span_s(first: Measurement, second: Measurement) -> float:
     return dt_s
 
 
-def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict[str, Any]:
+def first_state_fields(first: Measurement, second: Measurement, track_id: int) -> dict[str, Any]:
     """Fields of a track's first state that are the same for all presets."""
     return {
         "kind": "initial",
@@ -83,11 +83,11 @@ def first_fields(first: Measurement, second: Measurement, track_id: int) -> dict
     }
 
 
-def next_fields(before: TrackState, frame_id: int, **changed: Any) -> dict[str, Any]:
-    """Fields of a track's next state that are the same for all presets.
+def next_state_fields(before: TrackState, frame_id: int, **changed: Any) -> dict[str, Any]:
+    """Return the fields of a track's next state that are the same for all presets.
 
-    ``changed``: the fields that differ from ``before``. The state is a prediction, unless they name
-    another kind.
+    ``changed``: fields that differ from ``before``. The state's ``kind`` is "predicted", unless
+    ``changed`` names another.
     """
     return {
         "kind": "predicted",
@@ -100,7 +100,7 @@ def next_fields(before: TrackState, frame_id: int, **changed: Any) -> dict[str, 
     }
 
 
-def update_fields(
+def updated_state_fields(
     predicted: TrackState,
     measurement: Measurement,
     nis: float,
@@ -108,7 +108,7 @@ def update_fields(
     sigma_arcsec: FloatArray,
 ) -> dict[str, Any]:
     """Fields of an updated state that are the same for all presets."""
-    return next_fields(
+    return next_state_fields(
         predicted,
         measurement.frame_id,
         kind="updated",
@@ -141,7 +141,7 @@ def _first_scale(measurement: Measurement, settings: FilterConfig) -> float:
 def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: int) -> TrackState:
     """Predict the track to another instant, for the frame ``frame_id``.
 
-    ``misses`` counts that frame as missed until ``update`` accepts a measurement of it.
+    The frame counts as a miss in ``misses`` until ``update`` accepts a measurement of it.
     """
     kalman = _kalman(state)
     dt_s = (t_utc_ns - state.t_utc_ns) / 1e9
@@ -149,19 +149,19 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     # may turn, and the full noise holds again. A single miss forgets nothing.
     is_near = (state.misses + 1) * abs(dt_s) <= ADAPTED_SPAN_S
     q_scale = state.q_scale if is_near else max(state.q_scale, 1.0)
-    kalman.predict(F=transition(dt_s), Q=q_scale * process_noise(dt_s, state.x[2], settings))
+    kalman.predict(F=transition_matrix(dt_s), Q=q_scale * process_noise(dt_s, state.x[2], settings))
     return _state(
         t_utc_ns,
         kalman.x,
         kalman.P,
-        **next_fields(state, frame_id, misses=state.misses + 1, q_scale=state.q_scale),
+        **next_state_fields(state, frame_id, misses=state.misses + 1, q_scale=state.q_scale),
     )
 
 
 def update(predicted: TrackState, measurement: Measurement, settings: FilterConfig) -> TrackState:
-    """Update the track with a measurement at the predicted instant, with its innovation.
+    """Update the track with a measurement at the predicted instant.
 
-    Raises ValueError when the measurement belongs to another instant: predict to it first.
+    Raises ValueError when the measurement is of another instant: predict to that one first.
     """
     if measurement.t_mid_utc_ns != predicted.t_utc_ns:
         raise ValueError("the measurement and the prediction are of different instants")
@@ -178,12 +178,12 @@ def update(predicted: TrackState, measurement: Measurement, settings: FilterConf
         measurement.t_mid_utc_ns,
         kalman.x,
         kalman.P,
-        **update_fields(predicted, measurement, nis, innovation, sigma),
+        **updated_state_fields(predicted, measurement, nis, innovation, sigma),
         q_scale=_adapted(predicted, nis, settings),
     )
 
 
-def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well both are known
+def restarted_track(  # noqa: PLR0917 -- a direction, its motion and how well both are known
     direction_deg: tuple[float, float],
     rate_arcsec_s: tuple[float, float],
     covariance: FloatArray,
@@ -193,8 +193,8 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
 ) -> TrackState:
     """Restart the filter from another prediction, where its own has ``failed``.
 
-    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. From then on the
-    process noise is at least the full one: with less the filter has just failed.
+    ``covariance`` (4, 4) of east, its rate, north, its rate: arcsec and arcsec/s. The scale of the
+    process noise is set to 1 at least, since a smaller one has just failed.
     """
     cos_dec = _cos_dec(direction_deg[1])
     to_deg = np.array([1.0 / cos_dec, 1.0 / cos_dec, 1.0, 1.0]) / ARCSEC_PER_DEG
@@ -208,7 +208,9 @@ def restarted_from(  # noqa: PLR0917 -- a direction, its motion and how well bot
         t_utc_ns,
         x,
         covariance * np.outer(to_deg, to_deg),
-        **next_fields(failed, frame_id, foretold_by="orbit", q_scale=max(failed.q_scale, 1.0)),
+        **next_state_fields(
+            failed, frame_id, foretold_by="orbit", q_scale=max(failed.q_scale, 1.0)
+        ),
     )
 
 
@@ -240,7 +242,7 @@ def _adapted(predicted: TrackState, nis: float, settings: FilterConfig) -> float
 def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
-    """Logarithm of the determinant of S = C P- C' + R on the sky, in arcsec^2 squared."""
+    """Return the logarithm of the determinant of S = C P- C' + R on the sky, arcsec^4."""
     R, P = measurement_noise(measurement, settings), predicted.P
     ee, en, nn = P[0][0] + R[0, 0], P[0][2] + R[0, 1], P[2][2] + R[1, 1]
     cos_dec = math.cos(math.radians(predicted.x[2]))
@@ -248,7 +250,7 @@ def log_det_innovation(
 
 
 def is_gated_out(nis: float, settings: FilterConfig) -> bool:
-    """True where an innovation is too large to belong to the track."""
+    """Return True where an NIS is above the gate: the measurement is not the track's."""
     return nis > settings.gate_nis
 
 
@@ -258,17 +260,17 @@ def direction_icrs_deg(state: TrackState) -> tuple[float, float]:
 
 
 def sky_covariance_arcsec2(state: TrackState) -> FloatArray:
-    """Covariance (2, 2) of the track's direction, (east, north)."""
+    """Return the covariance (2, 2) of the track's direction (east, north), arcsec^2."""
     to_sky = np.array([_cos_dec(state.x[2]), 1.0]) * ARCSEC_PER_DEG
     return np.asarray(C @ np.array(state.P) @ C.T * np.outer(to_sky, to_sky))
 
 
 def sky_rate_arcsec_s(state: TrackState) -> tuple[float, float]:
-    """Motion on the sky, (east, north)."""
+    """Return the track's rate on the sky (east, north), arcsec/s."""
     return (state.x[1] * _cos_dec(state.x[2]) * ARCSEC_PER_DEG, state.x[3] * ARCSEC_PER_DEG)
 
 
-def transition(dt_s: float) -> FloatArray:
+def transition_matrix(dt_s: float) -> FloatArray:
     """Transition matrix F = expm(A dt); A squared is 0: the series ends after its second term."""
     A = np.zeros((4, 4))
     A[0, 1] = A[2, 3] = 1.0
@@ -280,17 +282,17 @@ def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatA
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
         diagonal = np.array([500.0 * sigma, sigma / 100.0, sigma / 5.0, sigma / 100.0])
-        return _scaled(np.diag(diagonal) * settings.q_multiplier, q_terms(settings))
+        return _scaled(np.diag(diagonal) * settings.q_multiplier, q_multipliers(settings))
     q = settings.q_arcsec2_s3 * settings.q_multiplier / ARCSEC_PER_DEG**2
     span = abs(dt_s)
     block = q * np.array([[span**3 / 3.0, dt_s * span / 2.0], [dt_s * span / 2.0, span]])
     Q = np.zeros((4, 4))
     Q[:2, :2] = block / _cos_dec(dec_deg) ** 2
     Q[2:, 2:] = block
-    return _scaled(Q, q_terms(settings))
+    return _scaled(Q, q_multipliers(settings))
 
 
-def q_terms(settings: FilterConfig) -> tuple[float, float, float, float]:
+def q_multipliers(settings: FilterConfig) -> tuple[float, float, float, float]:
     """Return the operator's factors on Q: of right ascension, its rate, declination, its rate."""
     return (
         settings.q_ra_multiplier,

@@ -41,7 +41,7 @@ class _Parts(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plane:
+class TangentPlane:
     """Tangent plane at a direction: unit vectors towards it, east and north on it."""
 
     towards: FloatArray
@@ -49,7 +49,7 @@ class Plane:
     north: FloatArray
 
     @classmethod
-    def at(cls, ra_icrs_deg: float, dec_icrs_deg: float) -> "Plane":
+    def at(cls, ra_icrs_deg: float, dec_icrs_deg: float) -> "TangentPlane":
         """Return the plane that touches the sky at a direction."""
         ra, dec = math.radians(ra_icrs_deg), math.radians(dec_icrs_deg)
         return cls(
@@ -64,10 +64,10 @@ class Plane:
         ra, dec = unit_to_direction(self.towards)
         return float(ra) % 360.0, float(dec)
 
-    def place_of(self, ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
-        """(2,) place of a direction on the plane, arcsec.
+    def project_arcsec(self, ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
+        """Return the place (2,) of a direction on the plane, arcsec (east, north).
 
-        Far off for a direction at a right angle or beyond.
+        A direction more than 87 deg from the tangent point is placed far out on its own side.
         """
         unit = _unit_of(ra_icrs_deg, dec_icrs_deg)
         flat, depth = np.array([unit @ self.east, unit @ self.north]), float(unit @ self.towards)
@@ -78,7 +78,7 @@ class Plane:
         return np.asarray(flat / depth / ARCSEC_RAD)
 
     def direction_of(self, x_arcsec: float, y_arcsec: float) -> tuple[float, float]:
-        """RA and Dec of a place on the plane."""
+        """Return RA and Dec (ICRS, deg) of a place on the plane."""
         unit = self.towards + ARCSEC_RAD * (x_arcsec * self.east + y_arcsec * self.north)
         ra, dec = unit_to_direction(unit)
         return float(ra) % 360.0, float(dec)
@@ -127,9 +127,12 @@ def constant_rate_bend(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArr
 
 
 def propagated_on_sky(
-    plane: Plane, motion: FloatArray, dt_s: float
+    plane: TangentPlane, motion: FloatArray, dt_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors and their rates (rad/s), both (..., 3), of motions (..., 6) after ``dt_s``."""
+    """Propagate motions (..., 6) by ``dt_s`` on the sky.
+
+    Returns unit vectors of the directions and their rates (rad/s), both (..., 3).
+    """
     unit, rate = plane._placed(motion)
     if dt_s == 0.0:
         return unit.rows(), rate.rows()
@@ -147,28 +150,33 @@ def propagated_on_sky(
     return _turned(unit, axis, c, n).rows(), moving.rows()
 
 
-def motion_on_plane(plane: Plane, motion: FloatArray, dt_s: float, onto: Plane) -> FloatArray:
-    """Motions (..., 6) after ``dt_s``, on another plane; change of speed and turn stay."""
+def propagate_onto_plane(
+    plane: TangentPlane, motion: FloatArray, dt_s: float, onto: TangentPlane
+) -> FloatArray:
+    """Propagate motions (..., 6) by ``dt_s`` and express them on another plane, ``onto``.
+
+    Change of speed and turn stay the same.
+    """
     unit, rate = propagated_on_sky(plane, motion, dt_s)
     return onto._seen(unit, rate, motion[..., 4:])
 
 
-def motion_and_slopes_on_plane(
-    plane: Plane, motion: FloatArray, dt_s: float, onto: Plane
+def propagate_with_jacobian(
+    plane: TangentPlane, motion: FloatArray, dt_s: float, onto: TangentPlane
 ) -> tuple[FloatArray, FloatArray]:
-    """``motion_on_plane`` and its slopes (..., 6, 6): each later number by each earlier one."""
+    """Propagate motions (..., 6) onto another plane; return them and the Jacobian (..., 6, 6)."""
     shifted = motion[None] + (_STEPS * np.eye(6)).reshape(6, *(1,) * (motion.ndim - 1), 6)
-    every = motion_on_plane(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
+    every = propagate_onto_plane(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
     after = every[0]
     columns = (every[1:] - after) / _STEPS.reshape(6, *(1,) * motion.ndim)
     return after, np.moveaxis(columns, 0, -1)
 
 
-def plane_after(plane: Plane, motion: FloatArray, dt_s: float) -> Plane:
-    """Plane that touches the sky where a motion (6,) leads in ``dt_s``."""
+def plane_after(plane: TangentPlane, motion: FloatArray, dt_s: float) -> TangentPlane:
+    """Return the plane that touches the sky at the direction of a motion (6,) after ``dt_s``."""
     unit, _ = propagated_on_sky(plane, motion, dt_s)
     ra, dec = unit_to_direction(unit)
-    return Plane.at(float(ra), float(dec))
+    return TangentPlane.at(float(ra), float(dec))
 
 
 def _turned(vector: _Parts, axis: _Parts, c: FloatArray, n: FloatArray) -> _Parts:

@@ -1,19 +1,19 @@
 """Error of a streak's middle, judged by the streak's length. Pure.
 
-The middle lies between two ends, each with an error of its own: of wind that blew while the shutter
-opened, of cloud, of a star upon it. The sum of both errors is the streak's excess over the length
-of its motion in one exposure; half their difference shifts the middle. Independent ends make sum
-and difference equally large, so the scatter of the excess from frame to frame gives the error along
-the motion, whatever the fit claims (half of it; Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and
-differences of independent errors). An excess that is the same in every frame (blur, a drift of the
-stars) moves no middle; but a streak that is always too short, as of a satellite that flashes, may
-lie anywhere in its full length: half of that is assumed.
+Each end of a streak has its own error, by wind while the shutter opened, by cloud, or by a star
+upon it. The sum of both errors is the streak's excess over the length of its motion in one
+exposure; half their difference shifts the middle. For independent ends sum and difference scatter
+alike, so half of the scatter of the excess from frame to frame is the error along the motion,
+whatever the fit claims (Bar-Shalom, Li & Kirubarajan 2001, 3.4: sums and differences of independent
+errors). An excess that is the same in every frame (blur, a drift of the stars) moves no middle. But
+a streak that is always too short, as of a satellite that flashes, may lie anywhere in its full
+length: half of that is assumed.
 
 A satellite that flashes about as often as the shutter opens shows a part of its path in streak
-after streak, and the part's place within the whole creeps from frame to frame. The errors of such a
-run are one error, which no averaging takes away and which looks like a rate. The k-th streak of a
-run therefore counts as the k-th part of one (a mean of k values with one error in common is no
-better than one of them). A streak of full length among them has both its ends and counts whole.
+after streak, and that part's place in the whole path changes slowly. The errors of such a run are
+one error, which no averaging removes and which looks like a rate. The k-th streak of a run
+therefore counts as the k-th part of one (a mean of k values with a common error is no better than
+one value). A streak of full length among them counts whole.
 """
 
 import itertools
@@ -35,8 +35,7 @@ from rsoconsole.tracking.filters.agreement import (
 REMEMBERED = 30
 """Number of a track's last streaks whose excess and end offset are remembered."""
 _NONE_AT_FIRST = (0.0, 0.0)
-"""Excesses of two streaks of full length, assumed before the first: the centre does not follow the
-first alone."""
+"""Excesses of two streaks of full length, assumed before the first."""
 _MIN_FOR_SCATTER = 4
 _OFF_SIGMAS = 2.5
 """Sigmas beyond which an excess speaks for itself."""
@@ -44,28 +43,22 @@ _MAD_TO_SIGMA = 1.4826
 _ALONE = 0.85
 """Share of the excess's scatter from ends that err independently: haze moves both alike."""
 _PART_SHARE = 0.15
-"""Share of its length that a streak lacks, from which it shows a part: more than blur and haze
-take."""
+"""Share of its length that a streak lacks, from which it shows a part."""
 _MIN_PARTS = 3
 """Number of parts in a row from which they are a run."""
 _FLASHING_SHARE = 0.3
-"""Share of remembered streaks that show a part, from which the object flashes rather than meets
-clouds."""
+"""Share of remembered streaks that show a part, from which the object flashes."""
 _HARMLESS_SHARE = 0.02
-"""Share of its length that every streak may lack at both ends alike, as its light fades into the
-sky."""
+"""Share of its length that every streak may lack at both ends alike."""
 
 
 class StreakErrors(NamedTuple):
-    """Errors of a streak's middle beyond what its measurement states: one sigma, arcsec."""
+    """Errors of a streak's middle in addition to its measurement's own: one sigma, arcsec."""
 
     along_arcsec: float = 0.0
     """Error along the streak, from its length."""
     across_arcsec: float = 0.0
-    """Error across the streak, from its direction and length (``end_offset_arcsec``).
-
-    It becomes part of the measurement's covariance, so that a bank scales it with the rest.
-    """
+    """Error across the streak, arcsec, from its direction and length (``end_offset_arcsec``)."""
 
 
 NO_ERRORS = StreakErrors()
@@ -73,7 +66,7 @@ NO_ERRORS = StreakErrors()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreakHistory:
-    """Shapes of a track's last streaks, by which the errors of the next one are judged; arcsec."""
+    """Shapes of a track's last streaks, arcsec, by which the next one's errors are judged."""
 
     excesses_arcsec: tuple[float, ...] = ()
     """Excesses of the streaks' lengths over the motion in one exposure."""
@@ -84,8 +77,11 @@ class StreakHistory:
 NO_STREAKS = StreakHistory()
 
 
-def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
-    """Excess of a streak's length over its motion in one exposure; None: it has no length."""
+def length_excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
+    """Return a streak's length minus that of its expected motion in one exposure, arcsec.
+
+    None where the streak has no measured length.
+    """
     streak = streak_motion(measurement)
     if streak is None or measurement.is_clipped or measurement.is_crossing:
         return None
@@ -97,12 +93,13 @@ def excess_arcsec(measurement: Measurement, expected: Motion) -> float | None:
 def along_error_arcsec(
     measurement: Measurement, expected: Motion, before: Sequence[float] = ()
 ) -> float:
-    """Sigma along the motion beyond the measurement's own, from the excess of its streak.
+    """Return the sigma along the motion that a streak's length excess adds, arcsec.
 
     ``before``: excesses of the track's earlier streaks, arcsec. Streaks in a row that show a part
-    of their length have one error in common; the first of them may lie anywhere in its full length.
+    of their length have one error in common; the first of them may lie anywhere in its full
+    length.
     """
-    excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
+    excess, length = length_excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or length == 0.0:
         return 0.0
     ahead = np.array([expected.east_arcsec, expected.north_arcsec]) / length
@@ -127,16 +124,16 @@ def along_error_arcsec(
     return math.sqrt(max(variance - own2, 0.0))
 
 
-def with_part_error(
+def widened_for_short_streak(
     measurement: Measurement, expected: Motion, before: Sequence[float]
 ) -> Measurement:
-    """Widen, along the motion, the covariance of a streak shorter than ``expected``.
+    """Widen the covariance, along the motion, of a streak shorter than ``expected``.
 
-    Which part of the motion it shows is not known; a streak of full length is returned unchanged.
-    ``before``: length minus expected length of the track's earlier streaks, arcsec; each short one
-    directly before this widens it further.
+    It is not known which part of the motion such a streak shows; one of full length is returned
+    unchanged. ``before``: excesses of the track's earlier streaks, arcsec; each short one directly
+    before this streak widens it further.
     """
-    excess, length = excess_arcsec(measurement, expected), expected.length_arcsec
+    excess, length = length_excess_arcsec(measurement, expected), expected.length_arcsec
     if excess is None or excess >= -_PART_SHARE * length:
         return measurement
     variance = (1 + _parts_in_a_row(before, length)) * excess**2 / 12.0
@@ -146,8 +143,8 @@ def with_part_error(
     return replace(measurement, cov_sky_arcsec2=wider)
 
 
-def flashes_by_lengths(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
-    """True where enough of a track's streaks show only a part of their length: it flashes."""
+def is_flashing_by_lengths(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
+    """Return True where enough of a track's streaks are too short to show that it flashes."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
     return parts >= max(_MIN_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
 
@@ -160,11 +157,11 @@ def _parts_in_a_row(before: Sequence[float], length_arcsec: float) -> int:
     return sum(1 for _ in of_parts)
 
 
-def excesses_with(
+def append_length_excess(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
-    """Excesses of a track's last streaks, with that of one more measurement, arcsec."""
-    excess = excess_arcsec(measurement, expected)
+    """Append a measurement's length excess to those of a track's last streaks, arcsec."""
+    excess = length_excess_arcsec(measurement, expected)
     every = before if excess is None else (*before, excess)
     return tuple(every)[-REMEMBERED:]
 
@@ -175,9 +172,10 @@ likeliest of those nights, by Student's law with ten degrees of freedom."""
 
 
 def end_offset_arcsec(measurement: Measurement, expected: Motion) -> float | None:
-    """Offset of a streak's end from the line of the motion through the streak's middle.
+    """Return the offset of a streak's later end from the line of its expected motion, arcsec.
 
-    To the left of the motion, seen from the earlier end; None: the streak has no direction.
+    The line passes through the streak's middle; offsets to its left are positive. None where the
+    streak has no direction.
     """
     streak = streak_motion(measurement)
     length = expected.length_arcsec
@@ -197,14 +195,17 @@ def across_error_arcsec(
     turns_arcsec: Sequence[float] = (),
     excesses_arcsec: Sequence[float] = (),
 ) -> float:
-    """Sigma across the motion beyond the measurement's own, from its streak's shape.
+    """Return the sigma across the motion that a streak's shape adds, arcsec.
 
-    ``turns_arcsec``: end offsets of the track's earlier streaks. ``excesses_arcsec``: excesses of
-    their lengths.
+    ``turns_arcsec``, ``excesses_arcsec``: end offsets and length excesses of the track's earlier
+    streaks.
     """
     if not turns_arcsec or not excesses_arcsec:
         return 0.0
-    half, excess = end_offset_arcsec(measurement, expected), excess_arcsec(measurement, expected)
+    half, excess = (
+        end_offset_arcsec(measurement, expected),
+        length_excess_arcsec(measurement, expected),
+    )
     if half is None or excess is None:
         return 0.0
     half -= statistics.median(turns_arcsec)
@@ -215,10 +216,10 @@ def across_error_arcsec(
     return math.hypot(_OF_TURN * half, _OF_EXCESS * excess)
 
 
-def end_offsets_with(
+def append_end_offset(
     before: Sequence[float], measurement: Measurement, expected: Motion
 ) -> tuple[float, ...]:
-    """End offsets of a track's last streaks, with that of one more measurement, arcsec."""
+    """Append a measurement's end offset to those of a track's last streaks, arcsec."""
     half = end_offset_arcsec(measurement, expected)
     every = before if half is None else (*before, half)
     return tuple(every)[-REMEMBERED:]

@@ -11,14 +11,14 @@ from rsoconsole.tracking.association.following import (
     FrameInput,
     LiveTrack,
     expected_motion,
-    not_followed,
+    not_followed_record,
     with_track_id,
 )
 from rsoconsole.tracking.association.neighbours import Neighbour, neighbours_after
 from rsoconsole.tracking.association.pattern import (
     NO_PATTERN,
-    Place,
     TrackPattern,
+    TrackPlace,
     learnt_error_arcsec,
 )
 from rsoconsole.tracking.filters import estimator
@@ -37,8 +37,8 @@ from rsoconsole.tracking.filters.streak_length import (
     StreakHistory,
     across_error_arcsec,
     along_error_arcsec,
-    end_offsets_with,
-    excesses_with,
+    append_end_offset,
+    append_length_excess,
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
@@ -53,46 +53,46 @@ REFUSED, NOT_CHOSEN = NotTaken(kind="refused"), NotTaken(kind="not chosen")
 def acquire(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
-    """Initiate tracks from frames whose measurements agree on one motion, found by ``chains``.
+    """Initiate tracks from frames whose measurements agree on one motion (``chains``).
 
-    The most confident measurement with a partner in an earlier frame leads; of those as good as
-    certain, the one with the smallest position error, the brightest as a rule. Streaks cut by the
-    frame's edge, and those surely no satellite, initiate no track unless the operator chose them.
-    Each measurement that is not accepted is recorded once, with its reason: a candidate that waits
-    for a second frame, with that frame.
+    The most confident measurement with a partner in an earlier frame leads; among those with a
+    confidence of ``AS_GOOD_AS_CERTAIN`` or more, the one with the smallest position error. Streaks
+    cut by the frame's edge, and those of a class outside ``TRACKABLE_CLASSES``, initiate no track
+    unless the operator chose them. Each measurement that is not accepted is recorded once, with its
+    reason; one that waits for a second frame is recorded with that frame.
     """
     whole = tuple(m for m in seen.measurements if not m.is_clipped)
     usable = tuple(m for m in whole if m.object_class in TRACKABLE_CLASSES)
     not_chosen: tuple[NotFollowed, ...] = ()
     if seen.chosen is not None:
-        not_chosen = tuple(not_followed(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
+        not_chosen = tuple(not_followed_record(m, NOT_CHOSEN) for m in usable if m != seen.chosen)
         usable = (seen.chosen,)
     if settings.choice == "nearest":
         usable = tuple(sorted(usable, key=_rank))
     aside = tuple(
-        not_followed(m, NotTaken(kind="clipped at start"))
+        not_followed_record(m, NotTaken(kind="clipped at start"))
         for m in seen.measurements
         if m.is_clipped and m != seen.chosen
     )
     aside += tuple(
-        not_followed(m, NotTaken(kind="class", object_class=m.object_class))
+        not_followed_record(m, NotTaken(kind="class", object_class=m.object_class))
         for m in whole
         if m.object_class not in TRACKABLE_CLASSES and m != seen.chosen
     )
     aside += not_chosen
-    refused = tuple(not_followed(m, REFUSED) for m in seen.refused)
+    refused = tuple(not_followed_record(m, REFUSED) for m in seen.refused)
     agreed: dict[Measurement, Chain] = {}
-    if settings.filter.uses_bank:
-        agreed = chains.found_chains(before, usable, seen, settings)
+    if settings.filter.uses_filter_bank:
+        agreed = chains.find_chains(before, usable, seen, settings)
     for second in usable:
-        if settings.filter.uses_bank:
+        if settings.filter.uses_filter_bank:
             earlier = agreed.get(second, ())
         else:
             earlier = _partner(before.candidates, second, seen)
         if earlier:
             lead = (*earlier, second)
             return _begun(lead, agreed, before, usable, (*aside, *refused), seen, settings)
-    alone = tuple(not_followed(m, _no_partner(m, usable, seen)) for m in before.candidates)
+    alone = tuple(not_followed_record(m, _no_partner(m, usable, seen)) for m in before.candidates)
     state: LoopState = "ACQUIRE" if usable else "SEARCH"
     waiting = chains.waiting_measurements(before, ()) if chains.uses_window(settings) else ()
     return before.without_track(state, usable, waiting), (*alone, *aside, *refused)
@@ -120,7 +120,7 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
     settings: FollowSettings,
 ) -> tuple[Following, tuple[FoldRecord, ...]]:
     """Initiate the lead, and beside it a track of every other chain as far as there is room."""
-    is_alone = seen.chosen is not None or not settings.filter.uses_bank
+    is_alone = seen.chosen is not None or not settings.filter.uses_filter_bank
     room = 1 if is_alone else settings.filter.most_tracks
     others = [(*agreed[m], m) for m in usable if m in agreed and m is not lead[-1]]
     begun_with = [lead, *others[: room - 1]]
@@ -129,12 +129,12 @@ def _begun(  # noqa: PLR0917 -- one call, each argument a different thing
             chain, before.last_track_id + number, seen, settings, is_lead=chain is lead, trial=trial
         )
         for number, (chain, trial) in enumerate(
-            zip(begun_with, chains.trial_lengths(begun_with, settings), strict=True), 1
+            zip(begun_with, chains.trial_update_counts(begun_with, settings), strict=True), 1
         )
     )
     used = {m for chain in begun_with for m in chain}
     left = tuple(m for m in (*before.candidates, *usable) if m not in used)
-    refused = (not_followed(m, NotTaken(kind="another leads")) for m in left)
+    refused = (not_followed_record(m, NotTaken(kind="another leads")) for m in left)
     after = Following(
         state="TRACK",
         candidates=tuple(m for m in usable if m not in used) if room > 1 else (),
@@ -156,14 +156,14 @@ def _pattern_of(
     """Relative positions of tracks that begin together, from their frames."""
     found = NO_PATTERN
     alive = [each.track.track_id for each in tracks]
-    frames: dict[int, dict[int, Place]] = {}
+    frames: dict[int, dict[int, TrackPlace]] = {}
     times: dict[int, int] = {}
     for each, chain in zip(tracks, begun_with, strict=True):
         expected = expected_motion(each.track, seen.exposure_s)
         for m in chain:
             along = along_error_arcsec(m, expected)
             shown = frames.setdefault(m.frame_id, {})
-            shown[each.track.track_id] = Place.of(m, each.track, along)
+            shown[each.track.track_id] = TrackPlace.from_measurement(m, each.track, along)
             times.setdefault(m.frame_id, m.t_mid_utc_ns)
     for frame_id in sorted(frames, key=lambda frame_id: times[frame_id]):
         found = patterns.pattern_after(found, alive, frames[frame_id], times[frame_id])
@@ -183,14 +183,14 @@ def new_track(
 
     ``trial``: as in ``LiveTrack``.
     """
-    track = track_through(chain[0], chain[1], track_id, seen, settings)
-    streaks = streak_history_with(NO_STREAKS, track, chain[1], seen)
+    track = track_from_pair(chain[0], chain[1], track_id, seen, settings)
+    streaks = append_to_streak_history(NO_STREAKS, track, chain[1], seen)
     for m in chain[2:]:
         at = estimator.predict(track, m.t_mid_utc_ns, settings.filter, m.frame_id)
         expected = expected_motion(at, seen.exposure_s)
-        errors = errors_of(m, expected, streaks, settings)
+        errors = streak_errors(m, expected, streaks, settings)
         track = estimator.update(at, m, settings.filter, errors)
-        streaks = streak_history_with(streaks, track, m, seen)
+        streaks = append_to_streak_history(streaks, track, m, seen)
     if len(chain) > 2:
         track = replace(
             track,
@@ -205,14 +205,14 @@ def new_track(
     return LiveTrack(
         track=track,
         taken=chain[-1],
-        neighbours=neighbours_with((), track, chain[-1], seen),
+        neighbours=updated_neighbours((), track, chain[-1], seen),
         streaks=streaks,
         since_utc_ns=chain[-1].t_mid_utc_ns,
         trial=trial,
     )
 
 
-def track_through(
+def track_from_pair(
     first: Measurement,
     second: Measurement,
     track_id: int,
@@ -234,28 +234,30 @@ def track_through(
     )
 
 
-def streak_history_with(
+def append_to_streak_history(
     before: StreakHistory, track: TrackState, taken: Measurement, seen: FrameInput
 ) -> StreakHistory:
-    """Shapes of a track's streaks, with that of one more measurement.
+    """Return the history of a track's streak shapes, with one more measurement's streak.
 
-    End offsets for preset ``adaptive`` only.
+    End offsets are kept for preset ``adaptive`` only.
     """
     expected, turns = expected_motion(track, seen.exposure_s), before.half_turns_arcsec
     return StreakHistory(
-        excesses_arcsec=excesses_with(before.excesses_arcsec, taken, expected),
-        half_turns_arcsec=() if track.mixture is None else end_offsets_with(turns, taken, expected),
+        excesses_arcsec=append_length_excess(before.excesses_arcsec, taken, expected),
+        half_turns_arcsec=()
+        if track.mixture is None
+        else append_end_offset(turns, taken, expected),
     )
 
 
-def errors_of(
+def streak_errors(
     m: Measurement, expected: Motion, before: StreakHistory, settings: FollowSettings
 ) -> StreakErrors:
-    """Errors of a streak's middle that its shape indicates; none except for preset ``adaptive``.
+    """Return the errors of a streak's middle that its shape indicates.
 
-    ``before``: the track's streaks up to it.
+    ``before``: history of the track's earlier streaks. ``NO_ERRORS`` for presets without a bank.
     """
-    if not settings.filter.uses_bank:
+    if not settings.filter.uses_filter_bank:
         return NO_ERRORS  # the other presets believe what a measurement states
     return StreakErrors(
         along_error_arcsec(m, expected, before.excesses_arcsec),
@@ -265,7 +267,7 @@ def errors_of(
 
 def _bend_of(first: Measurement, second: Measurement, settings: FollowSettings) -> Bend | None:
     """Possible bend of an orbit through the first of two measurements."""
-    if settings.bend is None or not settings.filter.uses_bank:
+    if settings.bend is None or not settings.filter.uses_filter_bank:
         return None
     way, here = measurement_displacement(first, second), (first.ra_icrs_deg, first.dec_icrs_deg)
     dt_s = (second.t_mid_utc_ns - first.t_mid_utc_ns) / 1e9
@@ -283,13 +285,13 @@ def _rank(m: Measurement) -> tuple[float, float]:
 def _no_partner(first: Measurement, usable: tuple[Measurement, ...], seen: FrameInput) -> NotTaken:
     """Reason why a candidate found no partner, by the measurement nearest to being its second."""
     if not usable:
-        return NotTaken(kind="no second frame", missed=seen.why_absent)
+        return NotTaken(kind="no second frame", missed=seen.miss_reason)
     nearest = min(usable, key=lambda m: pair_misfit_arcsec(first, m, seen.exposure_s))
     mismatch = pair_motion_mismatch(first, nearest, seen.exposure_s)
     return NotTaken(kind="no second frame", mismatch=mismatch)
 
 
-def neighbours_with(
+def updated_neighbours(
     before: tuple[Neighbour, ...], track: TrackState, taken: Measurement, seen: FrameInput
 ) -> tuple[Neighbour, ...]:
     if taken.is_clipped:

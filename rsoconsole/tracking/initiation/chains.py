@@ -1,11 +1,11 @@
-"""Chains that initiate a track: two streaks that agree on one motion, or several points. Pure.
+"""Chains that initiate a track: two streaks of one motion, or several points. Pure.
 
 A streak shows its motion, so streaks in two frames are enough. A point (a short exposure, a
 telescope that tracks the object) shows only a place, and any two points could be one object. Points
-of an object are distinguished from chance by lying in a line over several frames, and by others
-that move alike. So points wait in a window of frames until a chain of them (``link``) is far
-likelier than chance. A streak may have been hidden in the frame before: beside existing tracks it
-may also pair with one of the frame before that.
+of one object differ from chance in that they lie on a line over several frames, and that other
+objects move alike. So points wait in a window of frames until chance is far less likely than a
+chain of them (``link``). A streak may have been hidden in the previous frame: beside existing
+tracks it may also pair with a streak of the frame before that.
 """
 
 import math
@@ -31,7 +31,7 @@ from rsoconsole.tracking.filters.agreement import (
     motion_in_exposure,
     streak_motion,
 )
-from rsoconsole.tracking.filters.sky_path import Plane
+from rsoconsole.tracking.filters.sky_path import TangentPlane
 from rsoconsole.tracking.initiation.link import MotionPrior, Tracklet, link_points
 
 LOST_TOLERANCE = 0.4
@@ -45,8 +45,7 @@ COMMON_ARCSEC, COMMON_SHARE = 10.0, 0.05
 ALONE_COST = 12.0
 """Cost of a pair that moves unlike the others."""
 UNSURE_COST = 8.0
-"""Largest cost of a pair with a motion of its own by errors: its streaks' two directions and
-lengths by two sigmas each or so. A pair off by more is rather two objects, each seen once."""
+"""Largest cost by errors of a pair with its own motion: directions, lengths by two sigmas each."""
 UNPAIRED_COST = ALONE_COST + UNSURE_COST
 _NOBODY = 1e6
 """Cost of a streak without a partner: as many as possible have one."""
@@ -59,11 +58,9 @@ class _Half:
     """One streak of a pair against the displacement between both."""
 
     cost: float
-    """Cost of its length."""
     bend_deg: float = 0.0
     """Angle of its direction from the displacement's, counted towards east; 0 where it has none."""
     sigma_deg: float = math.inf
-    """Sigma of its direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,10 +85,11 @@ def pairs_between(
     *,
     unpaired: float | None = None,
 ) -> dict[Measurement, Measurement]:
-    """Return the first of each second one, where two frames agree; each is in one pair at most.
+    """Pair the measurements of two frames that agree on one motion.
 
-    The pairing is the likeliest of all: if the first frame shows one of two neighbours, that one is
-    paired with itself. ``rates_arcsec_s``: rates of the existing tracks (east, north).
+    Returns the first of each pair by the second. The pairing is the likeliest as a whole, and each
+    measurement is in one pair at most: of two neighbours of which the first frame shows one, that
+    one is paired with itself. ``rates_arcsec_s``: rates of the existing tracks (east, north).
     ``unpaired``: cost of a measurement without a partner; None: as many pairs as possible.
     """
     pairs = _pairs(firsts, seconds, exposure_s)
@@ -111,7 +109,7 @@ def pairs_between(
     }
 
 
-def agree(first: Measurement, second: Measurement, exposure_s: float) -> bool:
+def agree_on_motion(first: Measurement, second: Measurement, exposure_s: float) -> bool:
     """True where two measurements of different frames agree on one motion."""
     return _halves(first, second, exposure_s) is not None
 
@@ -212,40 +210,35 @@ CHANCE = 0.05
 _ALIKE_SIGMAS, _SHARE = 3.0, 0.02
 """Limits of near points and like motions: number of sigma, and share of the speed."""
 _WIDER = 2.2
-"""Factor on the variances that points claim, as a track believes before it has learnt
-(``bank``)."""
+"""Factor on the variances that points claim, as a track believes at first (``bank``)."""
 _MAX_POINTS = 60
 """Largest number of points in a window; with more of them chains are not distinguishable."""
 _MIN_FALSE = 0.5
 """Least assumed number of points a frame that are no object's."""
 APART_COST = ALONE_COST + UNSURE_COST / 2.0
-"""Cost of a pair with a motion of its own beside tracks: its streaks' directions and lengths by one
-sigma each or so. Worse ones wait for frames that show them better."""
+"""Cost of a pair with its own motion beside tracks: directions, lengths by one sigma each."""
 ON_TRIAL, APART_ON_TRIAL = 1, 2
-"""Measurements after its second that a track needs to outlive a miss; the second number for a
-motion unlike those beside it, which chance makes more often. A track that moves as another does
-needs none."""
+"""Measurements after its second that let a track outlive a miss; 2nd: unlike motion (alike: 0)."""
 _AS_ANOTHER_ARCSEC = 10.0
-"""Largest difference, arcsec, of the displacements of two that move alike: the shutter's scatter
-and a slot's."""
+"""Largest difference, arcsec, of the displacements of two that move alike."""
 Chain = tuple[Measurement, ...]
 
 
 def uses_window(settings: FollowSettings) -> bool:
     """True for presets that initiate tracks from more than two successive frames."""
-    return settings.filter.uses_bank
+    return settings.filter.uses_filter_bank
 
 
-def found_chains(
+def find_chains(
     before: Following,
     usable: Sequence[Measurement],
     seen: FrameInput,
     settings: FollowSettings,
     tracks: Sequence[LiveTrack] = (),
 ) -> dict[Measurement, Chain]:
-    """Find the chains that initiate tracks: for the last measurement of each, the earlier ones.
+    """Find the chains that initiate tracks: the earlier measurements by each chain's last one.
 
-    In order of time. ``tracks``: the existing tracks.
+    The earlier measurements are in order of time. ``tracks``: the existing tracks.
     """
     # Two that the operator wants to be one object are.
     if not uses_window(settings) or seen.chosen is not None:
@@ -267,14 +260,14 @@ def found_chains(
     return found | _of_points(points, before, seen, settings, ways)
 
 
-def trial_lengths(
+def trial_update_counts(
     begun_with: Sequence[Chain],
     settings: FollowSettings,
     rates_arcsec_s: Sequence[tuple[float, float]] = (),
 ) -> list[int]:
-    """Number of updates that each chain's track needs before it outlives a miss.
+    """Return for each chain the number of updates after which its track outlives a miss.
 
-    ``rates_arcsec_s``: those of the tracks beside it, east and north.
+    ``rates_arcsec_s``: rates of the other tracks, east and north.
     """
     if not uses_window(settings):
         return [ON_TRIAL] * len(begun_with)
@@ -333,10 +326,11 @@ def _of_points(
     window = _by_frame([*waiting, *points])
     if not points or len(window) < 2 or sum(map(len, window.values())) > _MAX_POINTS:
         return {}
-    plane = Plane.at(points[0].ra_icrs_deg, points[0].dec_icrs_deg)
+    plane = TangentPlane.at(points[0].ra_icrs_deg, points[0].dec_icrs_deg)
     frames = list(window.values())
     places = [
-        np.array([plane.place_of(m.ra_icrs_deg, m.dec_icrs_deg) for m in each]) for each in frames
+        np.array([plane.project_arcsec(m.ra_icrs_deg, m.dec_icrs_deg) for m in each])
+        for each in frames
     ]
     t_s = [(each[0].t_mid_utc_ns - seen.t_mid_utc_ns) / 1e9 for each in frames]
     known = _known(frames, seen, settings, ways)

@@ -25,12 +25,11 @@ _COMMON_TRIALS = 24
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionPrior:
-    """What is assumed of points and motions before the frames are seen; any unit of length."""
+    """Prior assumptions about points and their motions; lengths in any one unit."""
 
     sigma: float
     """Sigma of a point, on each axis."""
     area: float
-    """Area of a frame."""
     largest_speed: float
     """Largest speed, length per second."""
     detection_probability: float = 0.9
@@ -39,8 +38,7 @@ class MotionPrior:
     common: tuple[float, float] | None = None
     """Motion (per second) that most objects share; None: learnt from the points."""
     shares: tuple[tuple[float, float], ...] = ((0.8, 0.02), (0.15, 0.15))
-    """Shares of the objects that keep to the common motion, each with its sigma as a share of the
-    speed; the rest have any motion."""
+    """Shares of objects in the common motion, each with its sigma over the speed; others: any."""
     objects: float = 1.5
     """Mean number of objects in a sequence of frames."""
 
@@ -78,14 +76,14 @@ def link_points(
     gains = _gains(hypotheses, common, known)
     worth = [n for n in np.argsort(-gains, kind="stable")[:_HYPOTHESES] if gains[n] > 0.0]
     candidates = [(hypotheses[n].points, float(gains[n])) for n in worth]
-    chosen = best_disjoint(candidates)
+    chosen = best_disjoint_sets(candidates)
     best = sum(candidates[n][1] for n in chosen)
     # A lone object has no company whose motion it could share.
     lone = _lone_price(common, known) if len(chosen) == 1 and known.common is None else 0.0
     found = []
     for n in chosen:
         others = [each for place, each in enumerate(candidates) if place != n]
-        rest = sum(others[m][1] for m in best_disjoint(others))
+        rest = sum(others[m][1] for m in best_disjoint_sets(others))
         x_rate, y_rate = hypotheses[worth[n]].velocity.tolist()
         probability = float(1.0 / (1.0 + np.exp(-(best - rest - lone))))
         points_of = candidates[n][0]
@@ -213,7 +211,9 @@ def _lone_price(common: FloatArray | None, known: MotionPrior) -> float:
     return float(np.log(max(gained, 1.0)))
 
 
-def best_disjoint(candidates: Sequence[tuple[tuple[tuple[int, int], ...], float]]) -> list[int]:
+def best_disjoint_sets(
+    candidates: Sequence[tuple[tuple[tuple[int, int], ...], float]],
+) -> list[int]:
     """Choose the sets of points that gain most together without sharing a point.
 
     ``candidates``: each set with its gain. Returns indices in ``candidates``.

@@ -15,26 +15,26 @@ from rsoconsole.vision.detector.measured_detection import (
     Candidate,
     LineLight,
     PointImage,
+    detection_from_box,
     detection_from_fit,
     detection_from_trace,
-    from_box,
     is_same_streak,
     line_light_of,
 )
 from rsoconsole.vision.detector.network import LOWEST_CONFIDENCE, NetworkBox
-from rsoconsole.vision.detector.working_frame import to_original
+from rsoconsole.vision.detector.working_frame import detection_in_original_pixels
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.lines.line_or_stars import ShortLights
+from rsoconsole.vision.lines.line_or_stars import StarImageComparer
 from rsoconsole.vision.lines.line_strip import OFF_PX
 from rsoconsole.vision.lines.segments import Ends, box_about, length_of, midpoint_of
 from rsoconsole.vision.lines.streak_search import cut_out
 from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.streaks.streak_evenness import unevenness
+from rsoconsole.vision.streaks.streak_evenness import lumpiness_and_bend
 from rsoconsole.vision.streaks.streak_fit import AS_CHAINS_FWHM, MARGIN_PX, StreakFit, fit_streak
-from rsoconsole.vision.streaks.streak_glance import line_signal, width_at_a_glance
-from rsoconsole.vision.streaks.streak_trace import Trace, trace_line
+from rsoconsole.vision.streaks.streak_glance import line_signal, star_width_and_narrow_snr
+from rsoconsole.vision.streaks.streak_trace import LineTrace, trace_line
 
 log = logging.getLogger(__name__)
 
@@ -47,12 +47,10 @@ LONGEST_FIT_PX = 450.0
 """Longer lines are measured along themselves alone (``streak_trace``): a fit would take seconds."""
 _MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
 _NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
-"""Limits of a candidate's width over the stars' (``SHARP_PX`` at most for the first), and of its
-length in star widths."""
+"""Limits of width over the stars' (first: over ``SHARP_PX`` at most), of length in star widths."""
 _MAX_BEYOND = 0.6
 _MAX_NARROW = 1.0
-"""Least ratio of the signal to noise of a line much narrower than the stars to that of one as wide
-as they are, from which a proposal is too narrow."""
+"""Least ratio of SNR, narrow line over star-wide one, from which a proposal is too narrow."""
 _SURELY_NARROW = 4.5
 """Least signal to noise of the narrower line for that: below it noise does the same."""
 _PIECE = 0.8
@@ -66,14 +64,11 @@ _BELIEVED = 0.01
 _PERIODIC = 0.12
 """Roughness up to which a slow change or one period explains how the light varies."""
 _FINER_WHERE_JOINED = 0.5
-"""Factor on the largest distance of a proposal from its line where pixels are joined: the filter's
-cells are half as large there."""
+"""Factor on the largest distance of a proposal from its line where pixels are joined."""
 _LIGHT_OFF_PX, _LIGHT_OFF_FWHM = 2.0, 0.6
-"""Largest distance of one light of the star search from its line: px, or star widths if that is
-more."""
+"""Largest distance of a light of the star search from its line: px, or star widths if more."""
 _MAY_BE_A_LINE, _MAY_BE_WHERE_WIDE = 20.0, 0.0
-"""Chi-square of a profile from which its pixels are compared with star images too: sharp stars,
-wide ones."""
+"""Chi-square of a profile from which star images are tried too: with sharp stars, wide ones."""
 _DRAWN_OUT, _MORE = 1.3, 1.1
 _SURE, _MUCH_LONGER, _MUCH_BETTER = 0.2, 1.6, 1.3
 _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
@@ -84,8 +79,7 @@ class Proposal:
     """Line along which a streak may lie, from the network, the line filter or the star search."""
 
     box: NetworkBox
-    """Box of the proposal with the network's confidence; the lowest where it proposed nothing
-    there."""
+    """Box of the proposal with the network's confidence; the lowest where it proposed none."""
     is_line: bool
     """True where the line filter or the star search proposed it."""
     is_light: bool = False
@@ -95,8 +89,8 @@ class Proposal:
 def merged_proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> list[Proposal]:
     """Merge the proposals of network and line filter, so that each streak appears once.
 
-    Where both propose one, it gets the filter's ends and the network's confidence; the network's
-    ends where it is sure.
+    A streak that both propose has the network's confidence and the filter's ends; it has the
+    network's ends where the network is confident and its line is not much shorter.
     """
     is_left = np.ones(len(boxes), dtype=bool)
     said = np.array([box.confidence for box in boxes])
@@ -129,10 +123,7 @@ def merged_proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> 
 
 
 def ranked_proposals(found: Sequence[Proposal]) -> list[Proposal]:
-    """Sort proposals, most promising first.
-
-    The line filter's best and the network's best come in turn.
-    """
+    """Sort proposals: the network's best and the line filter's best first, in turn."""
     by_network = sorted(range(len(found)), key=lambda i: -found[i].box.confidence)
     by_filter = [i for i in range(len(found)) if found[i].is_line]
     place = {i: rank for rank, i in enumerate(by_network)}
@@ -164,7 +155,7 @@ def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
 
 @dataclass(slots=True)
 class FrameCandidates:
-    """Measured candidates of a frame: lines of light, and the rejected with their reasons."""
+    """Candidates of a frame: measured lines of light, and rejections with their reasons."""
 
     frame: Frame
     sky: Background
@@ -172,14 +163,14 @@ class FrameCandidates:
     focus: PointImage
     is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
     """Return True for a traced candidate that is worth the time of a fit."""
-    lights: ShortLights | None = None
+    lights: StarImageComparer | None = None
     """Star images with which short lines are compared; None: they are not compared."""
     taken: list[Candidate] = field(default_factory=list)
     """Candidates that are lines of light, with the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
 
-    def reason_not_to_measure(self, proposal: Proposal) -> NotAStreak | None:
-        """Return the reason not to measure a proposal, from a quick look; None: measure it.
+    def quick_rejection(self, proposal: Proposal) -> NotAStreak | None:
+        """Return the reason to reject a proposal by a quick look; None: it should be measured.
 
         - proposed by the network alone: too little light along it
         - proposed by the line filter: narrower than stars, so a cosmic ray or a column of the
@@ -193,17 +184,19 @@ class FrameCandidates:
         if proposal.is_line and width_px < _UNDERSAMPLED_PX:
             return None
         if proposal.is_line:
-            matched, narrow = width_at_a_glance(self.frame.pixels, self.sky, box.ends_px, width_px)
+            matched, narrow = star_width_and_narrow_snr(
+                self.frame.pixels, self.sky, box.ends_px, width_px
+            )
             is_narrow = narrow > max(_MAX_NARROW * matched, _SURELY_NARROW)
             return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
         signal = line_signal(self.frame.pixels, self.sky, box.ends_px, width_px / FWHM_PER_SIGMA)
         return None if signal.is_worth_a_fit(box.confidence) else DARK
 
     def has(self, proposal: Proposal) -> bool:
-        """True where a proposal is a single light that belongs to a line measured already."""
+        """Return True where a proposal is a single light, a piece of a line already measured."""
         if not proposal.is_light:
             return False
-        piece = from_box(self.frame, proposal.box)
+        piece = detection_from_box(self.frame, proposal.box)
         return any(
             each.found.length_px > _PIECE * piece.length_px and is_same_streak(piece, each.found)
             for each in self.taken
@@ -248,7 +241,7 @@ class FrameCandidates:
         else:
             self._take(traced)
 
-    def _from_trace(self, box: NetworkBox, trace: Trace) -> Candidate:
+    def _from_trace(self, box: NetworkBox, trace: LineTrace) -> Candidate:
         found = detection_from_trace(self.frame, box, trace)
         return self._candidate(found, self._irregularity(found, trace))
 
@@ -267,12 +260,12 @@ class FrameCandidates:
         least = _MAY_BE_A_LINE if self.focus.joined == 1 else _MAY_BE_WHERE_WIDE
         if self.lights is None or light.left > 0.0 or light.over_points < least:
             return light
-        compared = self.lights.compared(to_original(found, self.focus.joined))
+        compared = self.lights.compared(detection_in_original_pixels(found, self.focus.joined))
         if compared is None:
             return light
         return replace(light, over_stars=compared.over_stars, left=compared.left)
 
-    def _irregularity(self, found: Detection, trace: Trace) -> LineLight:
+    def _irregularity(self, found: Detection, trace: LineTrace) -> LineLight:
         """Add a short line's irregularity: of its path, and of its light if without one period."""
         light = line_light_of(trace)
         ends = _ends_of(found)
@@ -280,21 +273,21 @@ class FrameCandidates:
             return light
         cutout = cut_out(self.frame.pixels, self.sky, box_about(ends), MARGIN_PX, self.stars)
         width_px = self._width_px(trace)
-        lumpiness, bend = unevenness(
+        lumpiness, bend = lumpiness_and_bend(
             cutout, ends, width_px / FWHM_PER_SIGMA, found.snr / trace.confusion
         )
         return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
 
-    def _traced_well(self, proposal: Proposal) -> tuple[Trace | None, NotAStreak | None]:
+    def _traced_well(self, proposal: Proposal) -> tuple[LineTrace | None, NotAStreak | None]:
         """Return a trace that passes the gates, or the first gate that it does not pass."""
         trace = self._traced(proposal.box.ends_px, is_light=proposal.is_light)
         reason = NotAStreak(kind="no line") if trace is None else self._fault(trace)
         return (trace, None) if reason is None else (None, reason)
 
-    def _traced(self, ends: Ends, *, is_light: bool = False) -> Trace | None:
+    def _traced(self, ends: Ends, *, is_light: bool = False) -> LineTrace | None:
         """Trace the line, as wide as a star, or as drift has drawn it out where that shows more."""
         focus = self._focus_at(ends)
-        width_px, widest_px = focus.fwhm_px, focus.widest_px(_angle_deg(ends))
+        width_px, widest_px = focus.fwhm_px, focus.widest_streak_px(_angle_deg(ends))
         off_px = OFF_PX if focus.joined == 1 else OFF_PX * _FINER_WHERE_JOINED
         if is_light:
             off_px = min(off_px, max(_LIGHT_OFF_PX, _LIGHT_OFF_FWHM * focus.fwhm_px))
@@ -306,11 +299,11 @@ class FrameCandidates:
         is_better = wide is not None and (trace is None or wide.snr > _MORE * trace.snr)
         return wide if is_better else trace
 
-    def _width_px(self, trace: Trace) -> float:
+    def _width_px(self, trace: LineTrace) -> float:
         """Width expected of a traced streak, px."""
         ends = _ends_of(trace)
         focus = self._focus_at(ends)
-        most = max(focus.widest_px(_angle_deg(ends)), focus.fwhm_px)
+        most = max(focus.widest_streak_px(_angle_deg(ends)), focus.fwhm_px)
         return min(max(trace.width_px, focus.fwhm_px), most)
 
     def _focus_at(self, ends: Ends) -> PointImage:
@@ -336,7 +329,7 @@ class FrameCandidates:
         ]
         self.taken.append(kept.with_confidence(said))
 
-    def _fault(self, trace: Trace) -> NotAStreak | None:
+    def _fault(self, trace: LineTrace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
         width_px = self._width_px(trace)
         ends = _ends_of(trace)
@@ -363,14 +356,16 @@ class FrameCandidates:
     def record_rejection(
         self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None
     ) -> None:
-        """Add a rejected proposal with its reason, if the network's confidence is worth a record.
+        """Add a rejected proposal with its reason, unless its confidence is very low.
 
         ``fit``: its measurement, where there is one.
         """
         if box.confidence < MIN_RECORDED_CONFIDENCE:
             return
         found = (
-            from_box(self.frame, box) if fit is None else detection_from_fit(self.frame, box, fit)
+            detection_from_box(self.frame, box)
+            if fit is None
+            else detection_from_fit(self.frame, box, fit)
         )
         self.rejected.append(Rejection(detection=found, reason=reason))
 
@@ -379,12 +374,12 @@ def _angle_deg(ends: Ends) -> float:
     return math.degrees(math.atan2(ends[3] - ends[1], ends[2] - ends[0]))
 
 
-def _agree(fit: StreakFit, trace: Trace) -> bool:
+def _agree(fit: StreakFit, trace: LineTrace) -> bool:
     """True where a fit covers the whole line that was traced."""
     length_px = length_of(_ends_of(trace))
     is_long = abs(fit.length_px - length_px) < _AGREE_LENGTH * length_px + fit.width_px
     return is_long and fit.snr > _AGREE_SNR * trace.snr
 
 
-def _ends_of(line: StreakFit | Trace | Detection) -> Ends:
+def _ends_of(line: StreakFit | LineTrace | Detection) -> Ends:
     return line.x_a_px, line.y_a_px, line.x_b_px, line.y_b_px

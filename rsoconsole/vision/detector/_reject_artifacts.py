@@ -5,15 +5,14 @@ import math
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.detector._candidates import Proposal
 from rsoconsole.vision.detector.measured_detection import Candidate
-from rsoconsole.vision.stars.star_list import Trail
+from rsoconsole.vision.stars.star_list import StarTrail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 TRAILED_STREAKS = 9
-"""Number of streaks of one length and direction from which they are stars, where stars are not
-points."""
+"""Number of like streaks (length, direction) that are stars, where stars are not points."""
 _POINTS_TO_STREAKS = 3.0
 """Ratio of points to streaks that are alike, above which the stars are no streaks."""
 _LENGTH_KNOWN = 0.2
@@ -27,8 +26,7 @@ _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
 _ROW_PX, _LEFT_OF_ROWS = 2.5, 0.5
-"""Largest turn of a line off its row, px, and signal to noise of the ridge up to which errors of
-several rows' offsets look like one."""
+"""Largest turn of a line off its row, px, and ridge SNR up to which row offsets look alike."""
 _BLOOMING_DEG, _SATURATED = 3.0, 0.9
 _ONE_TRAIL = 1.5
 _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
@@ -36,7 +34,7 @@ _SAME_LENGTH, _SAME_ANGLE_DEG = 0.10, 3.0
 
 def reject_artifacts(
     judged: list[Candidate],
-    trail: Trail | None,
+    trail: StarTrail | None,
     frame: Frame,
     *,
     points: int = 0,
@@ -57,11 +55,11 @@ def reject_artifacts(
     return taken, rejected + more
 
 
-def is_star_trail(proposal: Proposal, trail: Trail) -> bool:
-    """True where a proposal is as short as the trail of one star and runs in its direction."""
+def is_star_trail(proposal: Proposal, trail: StarTrail) -> bool:
+    """Return True where a proposal is parallel to the stars' trails and no longer than one."""
     box, one_px = proposal.box, trail.length_px + 2.0 * trail.fwhm_px
     leeway_deg = _AS_TRAILS_DEG + math.degrees(trail.fwhm_px / max(box.length_px, 1.0))
-    is_along = turn_deg(box.angle_deg, trail.angle_deg) < leeway_deg
+    is_along = line_angle_deg(box.angle_deg, trail.angle_deg) < leeway_deg
     return is_along and box.length_px < _ONE_TRAIL * one_px
 
 
@@ -96,8 +94,8 @@ def _reject_rows(
     kept: list[Detection] = []
     ruled: list[Rejection] = []
     for d in taken:
-        off_deg = min(turn_deg(d.angle_deg, 0.0), turn_deg(d.angle_deg, 90.0))
-        is_row = turn_deg(d.angle_deg, 0.0) < turn_deg(d.angle_deg, 90.0)
+        off_deg = min(line_angle_deg(d.angle_deg, 0.0), line_angle_deg(d.angle_deg, 90.0))
+        is_row = line_angle_deg(d.angle_deg, 0.0) < line_angle_deg(d.angle_deg, 90.0)
         side_px = frame.width_px if is_row else frame.height_px
         is_long = d.length_px > _LONG_ROW * side_px and off_deg < _ALONG_ROW_DEG
         along_deg = max(_ALONG_ROW_DEG, math.degrees(_ROW_PX / max(d.length_px, 1.0)))
@@ -126,13 +124,12 @@ def _is_saturated(frame: Frame, found: Detection) -> bool:
 
 
 def reject_star_trails(
-    judged: list[Candidate], trail: Trail
+    judged: list[Candidate], trail: StarTrail
 ) -> tuple[list[Candidate], list[Rejection]]:
-    """Split off lines that run like the stars' trails and are as long as a few of them in a row.
+    """Split off lines in the direction of the stars' trail that are only a few trails long.
 
-    Longer lines stay. The limit is two trails for a line of high confidence or steady light, eight
-    for others: a satellite may run in the same direction, and trails end to end are seldom equally
-    bright.
+    The limit is two trails for a line of high confidence or steady light, eight for others: a
+    satellite may move in the same direction, and trails end to end are seldom equally bright.
     """
     one_px = trail.length_px + trail.fwhm_px
     kept: list[Candidate] = []
@@ -142,7 +139,7 @@ def reject_star_trails(
         is_sure = found.confidence > _SURE or light.roughness < _STEADY
         longest_px = (_FEW_TRAILS if is_sure else _MANY_TRAILS) * one_px
         if (
-            turn_deg(found.angle_deg, trail.angle_deg) > _AS_TRAILS_DEG
+            line_angle_deg(found.angle_deg, trail.angle_deg) > _AS_TRAILS_DEG
             or found.length_px > longest_px
             or light.over_stars > _NO_TRAILS
         ):
@@ -154,7 +151,7 @@ def reject_star_trails(
 
 
 def _is_alike(one: Detection, other: Detection) -> bool:
-    turn = turn_deg(one.angle_deg, other.angle_deg)
+    turn = line_angle_deg(one.angle_deg, other.angle_deg)
     longer = max(one.length_px, other.length_px)
     if any(each.sigma_along_px > _LENGTH_KNOWN * each.length_px for each in (one, other)):
         return one is other

@@ -1,7 +1,7 @@
 """A streak's light against the star catalogue: does it lie at known stars?
 
-A catalogue lists few of the stars that a frame shows, but it lacks none that is brighter than its
-limit: light as bright as such a star, away from every listed place, is no star's.
+A catalogue lists few of the stars that a frame shows, but all that are brighter than its limit: so
+light as bright as such a star, away from all listed stars, is not of a star.
 """
 
 import math
@@ -12,10 +12,10 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.lines.line_columns import (
-    columns_at,
+    offsets_across_px,
     pixels_of_line_places,
-    rows_across,
-    smoothed,
+    running_mean,
+    sum_line_columns,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
 
@@ -25,30 +25,26 @@ _LONGEST_PX = 1500.0
 _ON_LINE, _REACH = 0.75, 1.5
 """Reach of a star's light off the line and along it, in star widths."""
 _FEWEST, _MAX_TIMES = 2, 2.5
-"""Least number of stars in a chain, and largest ratio of a star's light to its catalogue light:
-colours differ."""
+"""Least number of stars in a chain, and largest ratio of a star's light to catalogue light."""
 _CHAIN, _MAX_REST, _REST_SNR, _NO_REST = 0.7, 0.25, 4.0, 0.05
 _MIN_MISSING, _MIN_SNR = 0.5, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatalogueLight:
-    """Parts of a streak's light that catalogue stars explain, and that they do not."""
+    """Shares of a streak's light that lie at catalogue stars and away from them."""
 
     stars: int
-    """Number of catalogue stars on the line."""
     star_share: float
-    """Share of the streak's light that lies at catalogue stars."""
     rest_share: float
     """Share of the streak's light that lies away from catalogue stars."""
     rest_snr: float
     missing_share: float
-    """Share of the streak's light that is away from them and so bright that the catalogue would
-    have it."""
+    """Share of the streak's light away from them, bright enough to be in the catalogue."""
 
     @property
     def finding(self) -> CatalogueFinding:
-        """Outcome: catalogue stars make the streak ("stars"), cannot ("no stars"), or "unclear".
+        """Outcome: the streak is of catalogue stars ("stars"), is not ("no stars"), or "unclear".
 
         Usually it is unclear.
         """
@@ -60,7 +56,7 @@ class CatalogueLight:
         return "no stars" if is_missing else "unclear"
 
 
-def catalogue_light(
+def compare_with_catalogue_stars(
     pixels: PixelArray,
     stars_px: FloatArray,
     stars_adu: FloatArray,
@@ -71,18 +67,18 @@ def catalogue_light(
 ) -> CatalogueLight | None:
     """Compare the light between ``ends`` (x_a, y_a, x_b, y_b) with catalogue stars.
 
-    - stars_px: (n, 2) their places in the frame
+    - stars_px: (n, 2) places of the catalogue stars in the frame
     - stars_adu: (n,) their expected light, by the catalogue's magnitudes
-    - complete_adu: light from which the catalogue lacks no star
+    - complete_adu: light of a star above which the catalogue is complete
 
-    None where the line is too long or leaves the frame, or no light stands out.
+    None where the line is too long or leaves the frame, or where no light stands out.
     """
     length, fwhm = length_of(ends), max(width_px, 1.5)
     if not 1.0 < length < _LONGEST_PX:
         return None
     u = np.arange(-math.ceil(fwhm), math.ceil(length + fwhm) + 1, dtype=np.float64)
-    v = rows_across(fwhm)
-    columns = columns_at(pixels, *pixels_of_line_places(ends, u, v[:, None]), v, fwhm)
+    v = offsets_across_px(fwhm)
+    columns = sum_line_columns(pixels, *pixels_of_line_places(ends, u, v[:, None]), v, fwhm)
     light = columns.light_adu
     total = float(light.sum())
     if not columns.is_inside.all() or total <= 0.0:
@@ -96,7 +92,7 @@ def catalogue_light(
     is_rest = ~is_theirs
     rest = float(light[is_rest].sum())
     window = 2 * round(fwhm) + 1
-    is_bright = smoothed(light, window) * window > complete_adu
+    is_bright = running_mean(light, window) * window > complete_adu
     return CatalogueLight(
         stars=len(places),
         star_share=max(theirs, 0.0) / total,

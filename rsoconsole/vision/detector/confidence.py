@@ -1,10 +1,10 @@
-"""Confidence of a measured candidate: the network's log-odds and the line fit's figures together.
+"""Confidence of a measured candidate, from network's log-odds and line fit together.
 
 The network sees a small map, in which a chain of stars or a cosmic ray can look like a faint
 streak. The line fit on the raw frame separates them: a real streak has light all along a line as
-wide as stars are. A flash of a distant aircraft can be recognised only by other candidates: some
-lie on the same line, or a light of another length runs parallel. A logistic curve of all these
-figures, fitted on frames with known truth (``models.confidence``), gives a probability.
+wide as stars are. A flash of a distant aircraft can be recognised only by other candidates, on the
+same line or parallel and of another length. A logistic curve of all these figures, fitted on frames
+with known truth (``models.confidence``), gives a probability.
 """
 
 import math
@@ -14,7 +14,7 @@ from typing import Any
 
 from rsoconsole.base import ModelError
 from rsoconsole.records import Detection
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.detector.measured_detection import SHARP_PX, Candidate, LineLight, PointImage
 from rsoconsole.vision.lines.line_or_points import MAX_FWHM
 
@@ -46,8 +46,7 @@ FEATURE_NAMES = (
 """Names of the inputs of one image kind. All from ``wide`` on are 0 or more and weigh nothing at 0;
 they speak against a streak, except the last two, which describe how the frame shows stars."""
 IMAGE_KINDS = ("", "joined ", "trailed ")
-"""Kinds of star image: sharp, so wide that pixels were joined, or drawn out by drift. Each has
-weights of its own, since something else looks like a streak in each."""
+"""Kinds of star image: sharp, so wide that pixels were joined, or drawn out by drift."""
 FEATURES = tuple(way + name for way in IMAGE_KINDS for name in FEATURE_NAMES)
 """Names of the curve's inputs; a candidate has those of one image kind, the others are 0."""
 MIN_LOGIT = -7.0
@@ -59,40 +58,34 @@ _SURE_OF_LINE, _MAX_ONE_LINE = 10.0, 2.5
 _ROUGH_AS_LINE, _DOUBT_AS_LINE = 50.0, 100.0
 """Chi-square that halves the effect of roughness and of the network's doubt."""
 _SURE_OF_IMAGE, _MAX_LIKE, _MAX_UNLIKE = 30.0, 4.0, 3.0
-"""Chi-square that separates a line from star images, and the largest logarithms of it and of the
-chi-square left in a pixel that count."""
+"""Chi-square that tells a line from stars; largest logarithms of it and of a pixel's rest."""
 _FULL_WEIGHT_FWHM, _MIN_WEIGHT, _WEIGHT_WHERE_JOINED = 15.0, 0.25, 0.4
 _CLEAR_SNR, _CLEAR_FWHM, _MIN_CLEAR = 15.0, 10.0, 0.4
 _EVEN_ENOUGH, _EVEN_WHERE_JOINED, _ROUGH_BY_NOISE = 0.06, 0.18, 4.0
-"""Scatter along a line that air and sensor make, the same where wind or focus have widened the
-stars, and scatter by noise at a signal to noise of 1."""
+"""Scatter along a line by air and sensor, where stars are wide, and by noise at an SNR of 1."""
 FAINT_SNR = 12.0
 """Signal to noise below which a chain of faint stars is as likely as a streak."""
 SHORT_FWHM, LONG_FWHM = 12.0, 120.0
-"""Lengths in widths of a star below and above which streaks are less likely: pieces of cosmic
-rays are short, lights that cross the frame are long."""
+"""Lengths in widths of a star below and above which streaks are less likely."""
 LENGTH_ERROR = 2.0
 """Largest ratio of a streak's length to its proposal's: a fit follows light beyond the ends."""
 MAX_IN_LINE = 2
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
-"""Logarithm of width over the stars' that counts for nothing: at least, and per inverse signal to
-noise."""
+"""Logarithm of width over the stars' that counts for nothing: least, and per inverse SNR."""
 _SAME_LINE_PX, _MAX_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _CONTEXT_LONG, _CONTEXT_ROUGH, _CONTEXT_UNEVEN = 4.0, 0.4, 0.8
 _MAX_CONFUSED, _OTHER_WAY_DEG = 1.1, 20.0
 _SHARP = PointImage(fwhm_px=1.0)
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
-"""Ratios of length that suffice alone, and beside a bright line; largest angle between the two,
-deg; and the signal to noise of a bright one."""
+"""Ratios of length: alone, beside a bright line; largest angle between, deg; least bright SNR."""
 _UNLIKE_WHERE_JOINED = 1.35
-"""Ratio of length beside a bright line where pixels are joined: an end may be that of a
-neighbouring star."""
+"""Ratio of length that suffices beside a bright line where pixels are joined."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConfidenceCurve:
-    """Weights of the logistic curve, in the order of ``FEATURES``."""
+    """Logistic curve for the confidence: its weights, in the order of ``FEATURES``."""
 
     weights: tuple[float, ...]
 
@@ -126,13 +119,13 @@ class ConfidenceCurve:
         z = sum(w * f for w, f in zip(self.weights, features, strict=True))
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
-    def highest(
+    def highest_confidence(
         self, network_confidence: float, proposed_px: float = math.inf, focus: PointImage = _SHARP
     ) -> float:
-        """Highest confidence that a proposal can reach when it is measured.
+        """Return the highest confidence, 0 to 1, that a proposal can reach when it is measured.
 
-        ``proposed_px``: its length, taken to be up to ``LENGTH_ERROR`` times too short. ``focus``:
-        that at the proposal's place (``PointImage.at``).
+        ``proposed_px``: length of the proposal; the streak may be ``LENGTH_ERROR`` times as long.
+        ``focus``: image of a star at the proposal's place (``PointImage.at``).
         """
         first = _image_kind(focus) * len(FEATURE_NAMES)
         table = dict(zip(FEATURE_NAMES, self.weights[first:], strict=False))
@@ -153,8 +146,10 @@ class ConfidenceCurve:
         # like them the star search sees as well.
         return 1.0 / (1.0 + math.exp(-min(max(z, -30.0), 30.0)))
 
-    def judged(self, candidates: Sequence[Candidate], focus: PointImage) -> list[Candidate]:
-        """Return a frame's measured candidates with their confidence in place of the network's."""
+    def with_curve_confidences(
+        self, candidates: Sequence[Candidate], focus: PointImage
+    ) -> list[Candidate]:
+        """Return a frame's candidates with the curve's confidence instead of the network's."""
         confidences = [self.confidence(each, focus, candidates) for each in candidates]
         return [each.with_confidence(at) for each, at in zip(candidates, confidences, strict=True)]
 
@@ -185,28 +180,28 @@ def _weighted(
 def confidence_features(
     candidate: Candidate, focus: PointImage, others: Sequence[Candidate] = ()
 ) -> tuple[float, ...]:
-    """Inputs of the curve for one candidate, in the order of ``FEATURES``.
+    """Return the curve's inputs for one candidate, in the order of ``FEATURES``.
 
     Those of other image kinds are 0. By their names:
 
     - network: the network's log-odds, at least ``MIN_LOGIT``
     - log_snr: logarithm of the matched signal to noise over 20, at most ``MAX_LOG_SNR``, since a
       chain of bright stars is bright too
-    - steady: the same by the line's darker parts; small for stars in a row
-    - extent: how much longer than a few widths it is
+    - steady: as log_snr, by the lower quartile of the line's parts; small for stars in a row
+    - extent: logarithm of the length over some star widths
     - one_line, few_points: how much better one line, or a few points, explain a short profile
     - like_line, like_stars: how much better one line, or star images, explain the pixels
     - wide, narrow: logarithm of the width over the stars', beyond what noise explains
-    - shortness, longness: logarithms against ``SHORT_FWHM`` and ``LONG_FWHM``
-    - unlike: how much of the light is unlike star images
+    - shortness, longness: logarithms of the length against ``SHORT_FWHM`` and ``LONG_FWHM``
+    - unlike: how much of the light neither a line nor star images explain
     - in_line: number of other candidates on its line
     - parallel_unlike: 1 where a parallel one is much longer, or bright and of another length
     - uneven: how bent its path is
-    - faint: how much fainter than ``FAINT_SNR`` it is
+    - faint: logarithm of ``FAINT_SNR`` over its signal to noise
     - rough: scatter along the line that nothing explains
     - confused: how much the sky beside it scatters
-    - along_trails: how nearly it runs like drawn-out stars
-    - blurred, drifted: how wide the stars were, and how far drift has drawn them out
+    - along_trails: 1 along the stars' trails, less the more it turns away from them
+    - blurred, drifted: how wide the stars were, and how long their trails
     """
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)
@@ -220,7 +215,7 @@ def confidence_features(
     as_line, as_points = max(light.over_points, 0.0), max(-light.over_points, 0.0)
     # Where stars are sharp points a cosmic ray is a line as well, but not like the stars' images.
     no_ray = 0.0 if _image_kind(focus) == 0 else as_line
-    wide = math.log(width_px / max(focus.widest_px(found.angle_deg), 0.1))
+    wide = math.log(width_px / max(focus.widest_streak_px(found.angle_deg), 0.1))
     narrow = math.log(min(psf_px, SHARP_PX) / width_px)
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
     is_sharp = focus.joined == 1
@@ -274,7 +269,7 @@ def _along_trails(found: Detection, focus: PointImage) -> float:
     """1 for what runs as the drawn-out stars do, less the more it turns away, 0 from some angle."""
     if focus.trail_px == 0.0:
         return 0.0
-    turn = turn_deg(found.angle_deg, focus.trail_deg)
+    turn = line_angle_deg(found.angle_deg, focus.trail_deg)
     return max(0.0, 1.0 - turn / _OTHER_WAY_DEG)
 
 
@@ -293,7 +288,7 @@ def _is_clear_line(other: Candidate) -> bool:
 
 def _is_in_line(one: Detection, other: Detection) -> bool:
     """True where ``other`` lies on the line of ``one``, as far as its direction is known."""
-    if turn_deg(one.angle_deg, other.angle_deg) > _SAME_LINE_DEG:
+    if line_angle_deg(one.angle_deg, other.angle_deg) > _SAME_LINE_DEG:
         return False
     angle = math.radians(one.angle_deg)
     dx, dy = other.x_px - one.x_px, other.y_px - one.y_px
@@ -309,7 +304,7 @@ def _is_parallel_unlike(one: Detection, other: Detection, unlike: float) -> bool
 
     Satellites near each other move alike. A trail cut by the frame may be longer.
     """
-    if turn_deg(one.angle_deg, other.angle_deg) > _BESIDE_DEG:
+    if line_angle_deg(one.angle_deg, other.angle_deg) > _BESIDE_DEG:
         return False
     shorter, longer = sorted((one, other), key=lambda each: each.length_px)
     if longer is other and longer.length_px > _MUCH_LONGER * shorter.length_px:
@@ -326,13 +321,13 @@ SMALLEST_PX, LARGEST_PX = (640, 480), (9576, 6388)
 _ROUNDING = 1e-3
 
 
-def range_cautions(
+def camera_cautions(
     scale_arcsec_px: float | None, exposure_s: float | None, width_px: int, height_px: int
 ) -> dict[str, str]:
-    """Cautions about a camera outside the calibrated range, by subject.
+    """Return cautions about a camera outside the calibrated range, by subject.
 
-    Subjects: "scale", "exposure", "size". Empty for a camera of the kind that the confidence was
-    calibrated with; None (unknown) gives no caution.
+    Subjects: "scale", "exposure", "size". Empty for a camera inside the range; an unknown scale or
+    exposure (None) gives no caution.
     """
     text_of = {
         "scale": _scale_words(scale_arcsec_px),

@@ -1,7 +1,7 @@
-"""Streak detection in a frame: network, line filter and star search propose, pixels decide.
+"""Streak detection in a frame: network, line filter, star search propose; pixels decide.
 
 A candidate above tau that passes the measurement's gates is a detection; every other candidate of
-the network is kept with the reason for its rejection.
+the network is recorded with the reason for its rejection.
 """
 
 import time
@@ -25,20 +25,20 @@ from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.measured_detection import (
     Candidate,
     PointImage,
-    at_box_centre,
+    detection_from_box,
     distinct_boxes,
-    from_box,
     is_parallel_to_any,
+    with_midpoint_at_box_centre,
 )
 from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.detector.working_frame import WorkingFrame, pixels_to_join
+from rsoconsole.vision.detector.working_frame import WorkingFrame, joined_square_side_px
 from rsoconsole.vision.frame.background import Background, local_background
 from rsoconsole.vision.frame.bins import bin_frame
 from rsoconsole.vision.frame.maps import FrameMap, choose_blocks, make_map, map_noise
-from rsoconsole.vision.frame.pattern import find_pattern
+from rsoconsole.vision.frame.pattern import find_row_column_pattern
 from rsoconsole.vision.frame.workers import Workers, threads_for
 from rsoconsole.vision.lines.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
-from rsoconsole.vision.lines.line_or_stars import ShortLights
+from rsoconsole.vision.lines.line_or_stars import StarImageComparer
 from rsoconsole.vision.lines.short_lines import interleaved_lines, short_lines
 from rsoconsole.vision.stars.psf_field import Psf
 from rsoconsole.vision.stars.psf_memory import PsfMemory
@@ -46,7 +46,7 @@ from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, find_stars
 from rsoconsole.vision.streaks.class_probabilities import Likelihood
 from rsoconsole.vision.streaks.streak_classes import classify_streaks
-from rsoconsole.vision.streaks.streak_middle import with_middle
+from rsoconsole.vision.streaks.streak_middle import with_middle_by_light
 
 MAX_FITS = 28
 MAX_QUICK_FITS = 3
@@ -55,12 +55,10 @@ MIN_BELIEVED = 1e-3
 """Network's confidence below which a proposal is measured only if the line filter made it too."""
 _MAX_JOININGS = 2
 _MAX_WIDE_STARS = 1500
-"""Largest number of stars listed where they are wide: they cover so much of a frame that faint ones
-must be masked too."""
+"""Largest number of stars listed where they are wide."""
 _WORTH_A_NAME = 0.2
 _PROMISING = 0.5
-"""Share of tau below which the confidence of a trace alone is too low for any fit to lift it above
-tau."""
+"""Share of tau below which a trace's confidence is too low for any fit to lift it above tau."""
 
 
 class Proposer(Protocol):
@@ -73,7 +71,7 @@ class Proposer(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAnalysis:
-    """All that was measured in one frame; stars and background serve the plate solver as well."""
+    """Everything measured in one frame; its stars and background also serve the plate solver."""
 
     detections: Detections
     stars: StarList
@@ -85,12 +83,14 @@ class FrameAnalysis:
     proposals: tuple[Proposal, ...] = ()
     """Proposals, in working-frame pixels."""
     class_shares: Mapping[Detection, Likelihood] = field(default_factory=dict)
-    """Probabilities of all classes by streak of ``detections``, accepted or not, where it has
-    any."""
+    """Probabilities of all classes by streak of ``detections``, accepted or not, if it has any."""
 
 
 class StreakDetector:
-    """Finds and measures streaks; neither it nor its network may be used by two threads at once."""
+    """Detector that finds and measures streaks.
+
+    Neither it nor its network may be used by two threads at once.
+    """
 
     def __init__(
         self,
@@ -122,32 +122,31 @@ class StreakDetector:
     def analyse(self, frame: Frame, tau: float | None = None) -> FrameAnalysis:
         """Measure streaks, stars and background of ``frame``; ``tau`` as in ``detect``.
 
-        With a second thread, the maps' noise, then stars and lines are computed beside frame, map
-        and network: the times of the stages ``stars`` and ``lines`` overlap with those of other
-        stages.
+        With a second thread some stages run at once, so that the times of ``stars`` and ``lines``
+        overlap with those of other stages.
         """
         threshold = self._settings.tau if tau is None else tau
         watch = _Stopwatch()
         with watch.stage("pattern"):
-            pattern = find_pattern(frame.pixels)
+            pattern = find_row_column_pattern(frame.pixels)
             if pattern is not None:
                 frame = replace(frame, pixels=pattern.removed(frame.pixels))
         known = None if self._memory is None else self._memory.recall(frame)
         working = WorkingFrame.of(frame, 1)
         seen = first = self._first_look(frame, watch, known, may_join_pixels=True)
         for _ in range(_MAX_JOININGS):
-            side = pixels_to_join(seen.stars, working.frame)
+            side = joined_square_side_px(seen.stars, working.frame)
             if side == 1:
                 break
             working = WorkingFrame.of(frame, side * working.side)
-            joined = None if known is None else known.of_joined(working.side)
+            joined = None if known is None else known.in_binned_pixels(working.side)
             seen = self._first_look(working.frame, watch, joined, _MAX_WIDE_STARS)
         stars = seen.stars
         if self._memory is not None:
             self._memory.remember(frame, working.original_stars(stars))
         focus = _focus(stars, working.side)
         with watch.stage("fit"):
-            lights = ShortLights(frame.pixels, first.sky, working.original_stars(stars))
+            lights = StarImageComparer(frame.pixels, first.sky, working.original_stars(stars))
             measured = self._measure(working, seen, focus, threshold, lights)
             rejected = measured.rejected
             judged = self._judged(measured.taken, focus)
@@ -161,7 +160,7 @@ class StreakDetector:
             )
             rejected += others
             if self._settings.centroid == "box":
-                taken = [at_box_centre(d) for d in taken]
+                taken = [with_midpoint_at_box_centre(d) for d in taken]
             rejected += [
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in taken
@@ -176,14 +175,16 @@ class StreakDetector:
             )
             rejected = doubted + others
             if not self._is_quick:
-                accepted = [with_middle(working.frame.pixels, seen.sky, stars, d) for d in accepted]
+                accepted = [
+                    with_middle_by_light(working.frame.pixels, seen.sky, stars, d) for d in accepted
+                ]
         rejected.sort(key=lambda r: -r.detection.confidence)
         return FrameAnalysis(
             detections=Detections(
                 frame_id=frame.frame_id,
                 width_px=frame.width_px,
                 height_px=frame.height_px,
-                detections=tuple(working.original(d) for d in accepted),
+                detections=tuple(working.original_detection(d) for d in accepted),
                 rejected=tuple(working.original_rejection(each) for each in rejected),
                 stage_ms=watch.stage_ms,
             ),
@@ -193,7 +194,9 @@ class StreakDetector:
             focus=focus,
             working=working,
             proposals=seen.proposals,
-            class_shares={working.original(each): of_all for each, of_all in shares.items()},
+            class_shares={
+                working.original_detection(each): of_all for each, of_all in shares.items()
+            },
         )
 
     def _first_look(
@@ -239,14 +242,18 @@ class StreakDetector:
                     block_px=star_block_px,
                     may_be_trails=not self._is_quick,
                 )
-            if may_join_pixels and pixels_to_join(stars, frame) > 1:
+            if may_join_pixels and joined_square_side_px(stars, frame) > 1:
                 return stars, []
             with watch.stage("lines"):
                 assert bins.squares is not None
                 return stars, propose_lines(sky, bins.squares, side_px, stars)
 
         looked = workers.begin(look_for_stars_and_lines)
-        if may_join_pixels and looked.done() and pixels_to_join(looked.result()[0], frame) > 1:
+        if (
+            may_join_pixels
+            and looked.done()
+            and joined_square_side_px(looked.result()[0], frame) > 1
+        ):
             return _FirstLook(sky=sky, stars=looked.result()[0], proposals=())
         if self._is_quick:
             stars, found = looked.result()
@@ -274,7 +281,7 @@ class StreakDetector:
         seen: "_FirstLook",
         focus: PointImage,
         threshold: float,
-        lights: ShortLights,
+        lights: StarImageComparer,
     ) -> FrameCandidates:
         """Measure the candidates: those that are lines of light, and those that are none.
 
@@ -299,7 +306,7 @@ class StreakDetector:
                 continue
             if fits == most:
                 measured.record_rejection(each.box, NotAStreak(kind="not measured", limit=most))
-            elif (doubt := measured.reason_not_to_measure(each)) is not None:
+            elif (doubt := measured.quick_rejection(each)) is not None:
                 measured.record_rejection(each.box, doubt)
             else:
                 fits += 1
@@ -309,8 +316,8 @@ class StreakDetector:
         witnesses = 0
         for each in others:
             is_asked = risen and witnesses < (0 if self._is_quick else MAX_WITNESSES)
-            alike = is_asked and is_parallel_to_any(from_box(frame, each.box), risen)
-            if alike and measured.reason_not_to_measure(each) is None:
+            alike = is_asked and is_parallel_to_any(detection_from_box(frame, each.box), risen)
+            if alike and measured.quick_rejection(each) is None:
                 witnesses += 1
                 measured.measure(each)
             else:
@@ -322,11 +329,13 @@ class StreakDetector:
         if proposal.is_line or said < MIN_BELIEVED or self._curve is None:
             return proposal.is_line or said >= MIN_BELIEVED
         here = focus.at(*proposal.box.middle_px)
-        return self._curve.highest(said, length_px, here) > threshold
+        return self._curve.highest_confidence(said, length_px, here) > threshold
 
     def _judged(self, taken: list[Candidate], focus: PointImage) -> list[Candidate]:
         """Candidates with the confidence by their measurement and among the others."""
-        return list(taken) if self._curve is None else self._curve.judged(taken, focus)
+        return (
+            list(taken) if self._curve is None else self._curve.with_curve_confidences(taken, focus)
+        )
 
 
 def _focus(stars: StarList, joined: int) -> PointImage:

@@ -17,10 +17,10 @@ from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.lines.line_columns import (
     LineColumns,
-    columns_at,
+    offsets_across_px,
     pixels_of_line_places,
-    rows_across,
-    smoothed,
+    running_mean,
+    sum_line_columns,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
@@ -32,26 +32,21 @@ EarlierFinding: TypeAlias = Literal["same", "new", "unclear"]
 _LONGEST_PX = 1500.0
 """Length beyond which no chain of stars is expected, px."""
 _BEYOND, _MAX_BEYOND_PX = 0.25, 60.0
-"""Distance to which the lines are followed beyond the ends: as a share of the streak's length, and
-at most, px."""
+"""Distance that lines are followed beyond the ends: share of streak length, and largest, px."""
 _KNOT_PX = 24.0
 """Distance between places that are mapped, px; a plate is straight that far."""
 _WHOLE = 0.9
 """Share of the columns that both frames must hold."""
 _PER_FWHM = 2.0 * math.sqrt(math.pi) / FWHM_PER_SIGMA
-"""Equivalent number of rows across a line for the noise of a matched sum, over its full width at
-half maximum."""
+"""Equivalent rows across a line for the noise of a matched sum, over its FWHM."""
 _STAR_SIGMA, _STAR_SHARE = 4.0, 0.2
-"""Light of the earlier frame from which it holds a column: in sigma of the noise, and as a share of
-this frame's light."""
+"""Light of the earlier frame that holds a column: sigma of noise, share of this frame's."""
 _SURE_SNR, _SAME_SNR = 8.0, 5.0
-"""Signal to noise expected of the streak in the earlier frame, required for "new" and for
-"same"."""
+"""SNR expected of the streak in the earlier frame, required for "new" and for "same"."""
 _MAX_FRESH, _MIN_FRESH, _NO_LIGHT, _FRESH_SNR = 0.25, 0.5, 0.05, 4.0
 _AS_BRIGHT, _EXPLAINED, _IDENTICAL = (0.6, 1.6), 0.6, 0.75
 _LACKING, _LACKING_SNR = 0.6, 3.0
-"""Share of an even streak's light, and its signal to noise, that must lie between bright stars: a
-faint streak they lie on has its own light there."""
+"""Share of an even streak's light, and its SNR, that must lie between bright stars."""
 _CALIBRATED = 0.1
 """Share of a star's light by which the two frames may differ."""
 
@@ -70,23 +65,21 @@ class EarlierLight:
     """Share of the streak's light that lies where the earlier frame is dark."""
     fresh_snr: float
     lacking: float
-    """Share of the light of an even streak, as bright as this one was measured, that is not new;
-    1: none of it is."""
+    """Share of an even streak's light, as bright as measured, that is not new; 1: none is new."""
     lacking_snr: float
     beyond_share: float
-    """Light of the earlier frame on the line beyond the streak's ends that is not there now, over
-    the streak's."""
+    """Earlier frame's light on the line beyond the ends that is gone now, over the streak's."""
     beyond_snr: float
 
     @property
     def is_identical(self) -> bool:
-        """True where the light is so nearly the same that other stars can hardly make it."""
+        """True where the light agrees so closely that different stars could hardly make it."""
         is_deep = self.depth_snr >= _SURE_SNR
         return self.finding == "same" and is_deep and self.explained > _IDENTICAL
 
     @property
     def finding(self) -> EarlierFinding:
-        """Outcome: the light is the "same" or "new"; "unclear" where the figures show neither."""
+        """Outcome: the earlier frame shows the light ("same"), does not ("new"), or "unclear"."""
         is_dark_now = self.beyond_snr > _FRESH_SNR and self.beyond_share > _MAX_FRESH
         has_fresh = self.fresh_snr > _FRESH_SNR and self.fresh_share > _NO_LIGHT
         if (
@@ -104,7 +97,7 @@ class EarlierLight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Profile:
+class StreakProfile:
     """A streak's light in its own frame, column by column, for comparison with other frames."""
 
     ends: Ends
@@ -116,23 +109,24 @@ class Profile:
     columns: LineColumns
 
     @classmethod
-    def of(cls, pixels: PixelArray, ends: Ends, width_px: float) -> "Profile | None":
-        """Measure the light between ``ends`` (x_a, y_a, x_b, y_b); None where the line is too long.
+    def of(cls, pixels: PixelArray, ends: Ends, width_px: float) -> "StreakProfile | None":
+        """Measure the light between ``ends`` (x_a, y_a, x_b, y_b); None for too long a line.
 
-        ``width_px``: full width at half maximum across, the widest of the frames to be compared.
+        ``width_px``: full width at half maximum across; the largest among the frames to be
+        compared.
         """
         length, fwhm = length_of(ends), max(width_px, 1.5)
         if not 1.0 < length < _LONGEST_PX:
             return None
         beyond_px = min(_BEYOND * length, _MAX_BEYOND_PX) + fwhm
         u = np.arange(-math.ceil(beyond_px), math.ceil(length + beyond_px) + 1, dtype=np.float64)
-        v = rows_across(fwhm)
-        columns = columns_at(pixels, *pixels_of_line_places(ends, u, v[:, None]), v, fwhm)
+        v = offsets_across_px(fwhm)
+        columns = sum_line_columns(pixels, *pixels_of_line_places(ends, u, v[:, None]), v, fwhm)
         return cls(ends=ends, fwhm_px=fwhm, u_px=u, v_px=v, columns=columns)
 
 
-def earlier_light(
-    now: Profile,
+def compare_with_earlier_frame(
+    now: StreakProfile,
     earlier: PixelArray,
     to_earlier: Mapping2d | None,
     *,
@@ -141,7 +135,7 @@ def earlier_light(
 ) -> EarlierLight | None:
     """Compare a streak's light with the pixels of another frame, ``earlier``.
 
-    - to_earlier: maps pixels to that frame; None: the pixels are the same
+    - to_earlier: maps pixels of this frame to the other; None: both have the same pixels
     - snr: matched signal to noise of the streak in its own frame
     - flux_ratio: light of a star in the other frame over that in this one
 
@@ -152,7 +146,7 @@ def earlier_light(
         places = pixels_of_line_places(now.ends, u, v[:, None])
     else:
         places = _mapped(to_earlier, now.ends, u, v)
-    before = columns_at(earlier, *places, v, fwhm)
+    before = sum_line_columns(earlier, *places, v, fwhm)
     beyond_b = u - length_of(now.ends)
     is_streak = (u >= -0.5 * fwhm) & (beyond_b <= 0.5 * fwhm)
     is_seen = now.columns.is_inside & before.is_inside
@@ -185,7 +179,7 @@ def _compared(
     ``even_adu``: light of each column of an even streak as bright as the one measured.
     """
     (light, sigma), (earlier, sigma_earlier) = now, before
-    smooth, smooth_earlier = smoothed(light, window), smoothed(earlier, window)
+    smooth, smooth_earlier = running_mean(light, window), running_mean(earlier, window)
     total = float(light[is_streak].sum())
     # What noise adds to a sum of squares is taken away.
     count = int(np.count_nonzero(is_streak))

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.records import Detection, FloatArray, Frame
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.network import NetworkBox
 from rsoconsole.vision.stars.psf_field import PsfField
 from rsoconsole.vision.streaks.streak_fit import StreakFit
-from rsoconsole.vision.streaks.streak_trace import Trace
+from rsoconsole.vision.streaks.streak_trace import LineTrace
 
 SHARP_PX = 3.2
 """Width of a star that neither wind nor the mount has widened, px: a streak may be as narrow."""
@@ -19,7 +19,7 @@ SHARP_PX = 3.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineLight:
-    """How even a candidate's light is along its line, and how well a line explains it."""
+    """Evenness of a candidate's light along its line, and how well a line explains it."""
 
     lower_quartile_snr: float
     """Signal to noise of the whole line if all its parts were as bright as their lower quartile."""
@@ -29,8 +29,7 @@ class LineLight:
     """Scatter of the sky beside the line over the noise of its pixels."""
     bend: float = 0.0
     lumpiness: float = 0.0
-    """Excess over noise of how its path and its light vary, of a short one
-    (``streak_evenness``)."""
+    """Excess over noise of a short one's path and light variation (``streak_evenness``)."""
 
     over_points: float = 0.0
     """Chi-square of a few points minus that of one line, for its profile (``line_or_points``)."""
@@ -82,11 +81,11 @@ class PointImage:
             return self
         return replace(self, fwhm_px=self.psf_field.at(x_px, y_px), psf_field=None)
 
-    def widest_px(self, angle_deg: float) -> float:
-        """Largest width of a streak of this direction, px.
+    def widest_streak_px(self, angle_deg: float) -> float:
+        """Return the largest width of a streak of this direction, px.
 
-        Drift of the mount adds to a satellite's motion as one straight line, as wide as a star.
-        Blur of the whole image, like shaking in one direction, widens the line across.
+        Drift of the mount and the satellite's motion add up to one straight line, as wide as a
+        star. Blur of the whole image, like shaking in one direction, widens the line across.
         """
         if self.trail_px == 0.0:
             return self.fwhm_px
@@ -95,8 +94,7 @@ class PointImage:
 
 
 _WIDTH_OF_A_BAND = 0.9
-"""Full width at half maximum of a Gaussian fitted to a band, over the band's width between its
-edges."""
+"""Full width at half maximum of a Gaussian fitted to a band, over the band's width."""
 
 
 BOX_SIGMA_PX = 3.0
@@ -126,11 +124,11 @@ def with_fit(detection: Detection, fit: StreakFit) -> Detection:
 
 def detection_from_fit(frame: Frame, box: NetworkBox, fit: StreakFit) -> Detection:
     """Return a detection with the proposal's box and confidence and the measurement of a fit."""
-    return with_fit(replace(from_box(frame, box), method="line"), fit)
+    return with_fit(replace(detection_from_box(frame, box), method="line"), fit)
 
 
-def line_light_of(trace: Trace | None) -> LineLight:
-    """Return the evenness of a traced line; ``UNMEASURED`` for None."""
+def line_light_of(trace: LineTrace | None) -> LineLight:
+    """Return the evenness of a traced line's light; ``UNMEASURED`` where ``trace`` is None."""
     if trace is None:
         return UNMEASURED
     return LineLight(
@@ -141,10 +139,10 @@ def line_light_of(trace: Trace | None) -> LineLight:
     )
 
 
-def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -> Detection:
+def with_trace(detection: Detection, trace: LineTrace, least_open_px: float = 0.0) -> Detection:
     """Return the detection with the place, ends, width and errors of a trace.
 
-    ``least_open_px``: least sigma along, px, of a line that leaves the frame.
+    ``least_open_px``: least sigma along a line that leaves the frame, px.
     """
     length_px = math.hypot(trace.x_b_px - trace.x_a_px, trace.y_b_px - trace.y_a_px)
     is_clipped = any(trace.is_open)
@@ -168,13 +166,13 @@ def with_trace(detection: Detection, trace: Trace, least_open_px: float = 0.0) -
     )
 
 
-def detection_from_trace(frame: Frame, box: NetworkBox, trace: Trace) -> Detection:
+def detection_from_trace(frame: Frame, box: NetworkBox, trace: LineTrace) -> Detection:
     """Return a detection with the proposal's box and confidence and the measurement of a trace."""
-    return with_trace(replace(from_box(frame, box), method="line"), trace, 100.0)
+    return with_trace(replace(detection_from_box(frame, box), method="line"), trace, 100.0)
 
 
-def at_box_centre(detection: Detection) -> Detection:
-    """Return the detection with its box's centre as the midpoint, as in the paper.
+def with_midpoint_at_box_centre(detection: Detection) -> Detection:
+    """Return the detection with the centre of its box as midpoint, as in Jordan et al.
 
     The line fit still decides whether it is a streak, and where its ends are.
     """
@@ -189,7 +187,7 @@ def at_box_centre(detection: Detection) -> Detection:
     )
 
 
-def from_box(frame: Frame, box: NetworkBox) -> Detection:
+def detection_from_box(frame: Frame, box: NetworkBox) -> Detection:
     """Return a proposal as an unmeasured detection, to compare it or to record its rejection."""
     x0, y0, x1, y1 = box.corners_px
     x_a, y_a, x_b, y_b = box.ends_px
@@ -221,14 +219,13 @@ def from_box(frame: Frame, box: NetworkBox) -> Detection:
 
 
 SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
-"""Limits within which two boxes are one streak: turn, deg, and distance across, in widths but at
-least this in px."""
+"""Limits within which two boxes are one streak: turn, deg; shift in widths; least width, px."""
 _RUNS_ALIKE_DEG = 6.0
 """Largest difference of two proposals' directions that run alike, deg."""
 
 
 def distinct_boxes(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
-    """Merge the candidates of several maps; of each streak the most confident stays."""
+    """Merge the candidates of several maps, with only the most confident one of each streak."""
     if len(found) == 1:
         return found[0]
     boxes = sorted((b for each in found for b in each), key=lambda b: -b.confidence)
@@ -258,8 +255,8 @@ def _are_same(ends: FloatArray) -> BoolArray:
 
 
 def is_same_streak(one: Detection, other: Detection) -> bool:
-    """True where two detections run alike and the midpoint of one lies on the other's line."""
-    turn = turn_deg(one.angle_deg, other.angle_deg)
+    """Return True where two are parallel and the midpoint of one lies on the other's line."""
+    turn = line_angle_deg(one.angle_deg, other.angle_deg)
     shortest = max(min(one.length_px, other.length_px), 1.0)
     if turn > SAME_STREAK_DEG + float(np.degrees(2.0 / shortest)):
         return False
@@ -268,7 +265,7 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
 
 def is_parallel_to_any(one: Detection, others: list[Detection]) -> bool:
     """True where ``one`` has the direction of any of ``others`` within 6 deg."""
-    turns = (turn_deg(one.angle_deg, other.angle_deg) for other in others)
+    turns = (line_angle_deg(one.angle_deg, other.angle_deg) for other in others)
     return any(turn < _RUNS_ALIKE_DEG for turn in turns)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.base import ModelError, json_of, model_resource, read_foreign
+from rsoconsole.base import ModelError, model_file_path, parse_json, read_foreign_text
 from rsoconsole.vision.arrays import ByteArray, Float32Array
 from rsoconsole.vision.frame.maps import (
     MAP_KIND,
@@ -47,8 +47,7 @@ class NetworkBox:
     """One candidate of the network, in pixels of the raw frame (0 = centre of the first)."""
 
     confidence: float
-    """Calibrated confidence, 0 to 1: the share of such candidates that are satellites in the
-    training data."""
+    """Calibrated confidence, 0 to 1: share of such training candidates that are satellites."""
     corners_px: Box
     ends_px: Ends
     """Ends of the streak, to about half a cell; one frame does not show which came first."""
@@ -92,10 +91,10 @@ class MapStreak:
         return float(np.hypot(self.x_b - self.x_a, self.y_b - self.y_a))
 
 
-def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
-    """Read the candidates out of an answer (6, rows, columns), most confident first.
+def decode_candidates(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
+    """Decode a network's output (6, rows, columns) into candidates, most confident first.
 
-    Only those above ``lowest_logit``; overlapping ones all remain (see ``keep_distinct``).
+    Only those above ``lowest_logit``; overlapping ones are not merged (see ``keep_distinct``).
     """
     rows, columns = np.nonzero(answer[0] > lowest_logit)
     logits = answer[0][rows, columns]
@@ -114,7 +113,7 @@ def decode(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
 
 
 def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
-    """Return the candidates without those that lie on a more confident one, most confident first.
+    """Remove candidates that lie on a more confident one; return the rest, surest first.
 
     Two lie on one another when the midpoint of one is within 4 cells of the other's line and
     between its ends. Parallel neighbours further apart both stay.
@@ -144,8 +143,8 @@ def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
 class Network:
     """Loaded network; not for use by two threads at once.
 
-    It works on maps of any size: smaller ones are padded to its input, larger ones tiled.
-    ``interpreter``: TensorFlow Lite's, with its tensors allocated.
+    Takes maps of any size: smaller ones are padded to its input, larger ones tiled.
+    ``interpreter``: of TensorFlow Lite, with its tensors allocated.
     """
 
     def __init__(self, interpreter: Any, card: Mapping[str, Any]) -> None:
@@ -161,8 +160,9 @@ class Network:
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """Load the network at ``path`` (None: the shipped one) and check it against its .json.
 
-        ``threads`` 0: as many as ``workers.threads_for`` gives; the results do not depend on it.
-        Raises ModelError when a file is missing, damaged, or not a network of this form.
+        ``threads``: 0 for as many as ``workers.threads_for`` gives; the network's results do not
+        depend on it. Raises ModelError when a file is missing, damaged, or not a network of this
+        form.
         """
         model, card_path = _files_of(path)
         card = _read_card(card_path)
@@ -203,7 +203,7 @@ class Network:
         lefts = _tile_starts(width, NETWORK_WIDTH_CELLS)
         for top, left in itertools.product(tops, lefts):
             answer = self.answer(frame_map.values, top, left)
-            found = keep_distinct(decode(answer, lowest_logit))
+            found = keep_distinct(decode_candidates(answer, lowest_logit))
             candidates += _moved_into_frame(found, top, left, width, height)
         if len(tops) * len(lefts) > 1:
             candidates = keep_distinct(candidates)
@@ -275,15 +275,15 @@ def _files_of(path: Path | None) -> tuple[Path, Path]:
     if path is not None:
         return path, path.with_suffix(".json")
     try:
-        model = model_resource(MODEL_NAME)
-        return model, model_resource(Path(MODEL_NAME).with_suffix(".json").name)
+        model = model_file_path(MODEL_NAME)
+        return model, model_file_path(Path(MODEL_NAME).with_suffix(".json").name)
     except FileNotFoundError as error:
         raise ModelError(f"{error}; {ANOTHER_NETWORK}") from error
 
 
 def _read_card(path: Path) -> dict[str, Any]:
     try:
-        card = json_of(read_foreign(path))
+        card = parse_json(read_foreign_text(path))
     except (OSError, ValueError) as error:
         raise ModelError(
             f"{path}, which describes the network, cannot be read ({error}): {_REINSTALL}"

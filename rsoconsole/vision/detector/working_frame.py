@@ -1,8 +1,8 @@
-"""The frame as the detector works on it: pixels joined where the stars are many pixels wide.
+"""The frame as the detector works on it: pixels joined where the stars are wide.
 
-All that searches and measures streaks expects stars a few pixels wide. Out of focus, in wind, in
-poor seeing, or where pixels are finer than the seeing, pixels are joined until the stars are that
-narrow. Nothing is lost, since no detail is finer than a star.
+The search for streaks and their measurement expect stars a few pixels wide. Out of focus, in wind,
+in poor seeing, or where pixels are finer than the seeing, pixels are joined until the stars are
+that narrow. Nothing is lost, since no detail is finer than a star.
 """
 
 from dataclasses import dataclass, replace
@@ -20,8 +20,8 @@ _SMALLEST_PX = 96
 """Least side of a working frame, px."""
 
 
-def pixels_to_join(stars: StarList, frame: Frame) -> int:
-    """Side of the squares of pixels that should be joined to one; 1: none."""
+def joined_square_side_px(stars: StarList, frame: Frame) -> int:
+    """Return the side of the squares of pixels to join into one, px; 1: none are joined."""
     if stars.median_fwhm_px < WIDE_PX:
         return 1
     most = min(frame.width_px, frame.height_px) // _SMALLEST_PX
@@ -30,7 +30,7 @@ def pixels_to_join(stars: StarList, frame: Frame) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WorkingFrame:
-    """Frame with pixels joined, and the conversions back to the original frame."""
+    """Frame with squares of pixels joined, and conversions back to the original frame."""
 
     frame: Frame
     side: int
@@ -59,17 +59,17 @@ class WorkingFrame:
             side=side,
         )
 
-    def px(self, place: float) -> float:
+    def to_original_px(self, place: float) -> float:
         """Convert a column or row of this frame to one of the original frame."""
         return (place + 0.5) * self.side - 0.5
 
-    def original(self, found: Detection) -> Detection:
+    def original_detection(self, found: Detection) -> Detection:
         """Return a detection with its pixels converted to the original frame."""
-        return to_original(found, self.side)
+        return detection_in_original_pixels(found, self.side)
 
     def original_rejection(self, rejected: Rejection) -> Rejection:
         """Return a rejection with its pixels converted to the original frame."""
-        return replace(rejected, detection=self.original(rejected.detection))
+        return replace(rejected, detection=self.original_detection(rejected.detection))
 
     def original_stars(self, stars: StarList) -> StarList:
         """Return stars with pixels and light converted to the original frame."""
@@ -95,13 +95,13 @@ class WorkingFrame:
             fwhm_px=stars.fwhm_px * self.side,
             median_fwhm_px=stars.median_fwhm_px * self.side,
             trail=trail,
-            psf_field=None if field is None else field.of_joined(1.0 / self.side),
+            psf_field=None if field is None else field.in_binned_pixels(1.0 / self.side),
             oblong=lights,
         )
 
 
-def to_original(found: Detection, side: int) -> Detection:
-    """Convert a detection from a frame with ``side`` x ``side`` pixels joined to the original."""
+def detection_in_original_pixels(found: Detection, side: int) -> Detection:
+    """Convert a detection from joined pixels (``side`` x ``side``) to original ones."""
     if side == 1:
         return found
 

@@ -40,9 +40,9 @@ class Background:
     height_px: int
 
     def at(self, small: Float32Array, x_px: float, y_px: float) -> float:
-        """Value of one small map (``level`` or ``noise``) in the cell of a pixel.
+        """Return the value of a map (``level`` or ``noise``) in the cell of a pixel.
 
-        A place beyond the frame takes the nearest cell.
+        Beyond the frame it is that of the nearest cell.
         """
         row = min(max(int((y_px + 0.5) // self.cell_px), 0), small.shape[0] - 1)
         column = min(max(int((x_px + 0.5) // self.cell_px), 0), small.shape[1] - 1)
@@ -63,8 +63,8 @@ def local_background(
 ) -> Background:
     """Measure sky level and noise of ``pixels`` (height, width), at least 64 px a side.
 
-    Pixels are uint16 or finite float32. ``bins``: those of the same frame and cells, where they are
-    known already. Without them about 15 ms for 4656 x 3520 on one core of a desktop.
+    Pixels are uint16 or finite float32. ``bins``: those of the same frame and cells; None: they are
+    computed, in about 15 ms for 4656 x 3520 on one core of a desktop.
     """
     height, width = pixels.shape
     if bins is None or bins.cell_px != cell_px:
@@ -87,12 +87,12 @@ def sky_noise(
     binning: int = 1,
     workers: Workers = CALLER_ALONE,
 ) -> Float32Array:
-    """Noise (one sigma) of a bin in every cell of a grid, ADU, always positive.
+    """Measure the noise (one sigma) of a bin in every cell of a grid, ADU, always positive.
 
     - shape: rows and columns of the grid; its cells are ``cell_px`` wide
     - binning: pixels along the side of a bin
-    - block: the frame is mirrored up to a multiple of this many pixels, itself a multiple of
-      ``binning``
+    - block: the frame is extended by its mirror image to a multiple of this many pixels, which is
+      itself a multiple of ``binning``
     """
     height, width = (-(-side // block) * block // binning for side in pixels.shape)
     tile = cell_px // binning * _TILE_CELLS

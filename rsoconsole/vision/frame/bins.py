@@ -1,9 +1,9 @@
-"""One pass over a frame: the sky's level on a grid of cells, the brightest bin and line of a block.
+"""One pass over a frame: sky level of its cells, brightest bin and line of its blocks.
 
-A frame of 16 megapixels fits no cache; the strips in which it is read here do. All values that sky,
-map and stars need of every pixel are computed from a strip while it is cached, so that the frame is
-read once and never copied at full size. Beyond its right and lower edge it goes on as its own
-mirror image, up to whole cells: the rim then has the noise of the rest.
+A frame of 16 megapixels does not fit into a cache; a strip of it does. So the frame is read in
+strips, and everything that sky, map and stars need of each pixel is computed while its strip is
+cached: the frame is read once and never copied at full size. Beyond its right and lower edge it is
+extended by its own mirror image, up to whole cells: the rim then has the same noise as the rest.
 """
 
 import math
@@ -38,11 +38,8 @@ _LINES = tuple(
 )
 
 
-def lines_through() -> Iterator[tuple[ByteArray, ByteArray]]:
-    """Yield pairs of lines at right angles, as masks of 5 x 5 bins.
-
-    Four pairs: each of the eight directions once.
-    """
+def perpendicular_line_masks() -> Iterator[tuple[ByteArray, ByteArray]]:
+    """Yield four pairs of perpendicular lines, in eight directions, as masks of 5 x 5 bins."""
     for along, across in ((0, 3), (1, 5), (2, 4), (6, 7)):
         yield _LINES[along], _LINES[across]
 
@@ -54,7 +51,7 @@ _Values = TypeVar("_Values", bound=npt.NDArray[Any])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameBins:
-    """What one pass over a frame's pixels gives: its sky, and the brightest bins and lines."""
+    """Result of one pass over a frame's pixels: sky level, brightest bins and lines."""
 
     means: Float32Array
     """Means of cells, ADU: (ceil(height / cell_px), ceil(width / cell_px))."""
@@ -66,11 +63,11 @@ class FrameBins:
     squares: Float32Array | None
     """Means of squares, ADU: (ceil(height / side), ceil(width / side)); None: not requested."""
     lines: Mapping[int, Float32Array]
-    """Brightest piece of a line (``lines_of_light``) by block, ADU, same shape."""
+    """Brightest piece of a line (``opened_along_lines``) by block, ADU, same shape."""
 
 
-def binning_of(block: int) -> int:
-    """Side in pixels of a block's bins: 2 where a block has at least 2 x 2 of them, else 1."""
+def bin_side_px(block: int) -> int:
+    """Return the side of a block's bins, px: 2 where at least 2 x 2 of them fill it, else 1."""
     return 2 if block >= 4 and block % 2 == 0 else 1
 
 
@@ -122,7 +119,7 @@ def bin_frame(
             if cell_px % 2 == 0:
                 bins[2] = mean_of_squares(single, 2)
             for block, largest in brightest.items():
-                binning, per_cell = binning_of(block), cell_px // block
+                binning, per_cell = bin_side_px(block), cell_px // block
                 found = block_maximum(bins[binning], block // binning)
                 largest[first * per_cell : last * per_cell] = found
             side = max(each for each in bins if side_px % each == 0)
@@ -138,11 +135,11 @@ def bin_frame(
                     copy_mirrored_rows(pixels, inside, fine_rows)
             opened: dict[int, npt.NDArray[Any]] = {}
             for block, largest in lines.items():
-                binning, per_cell = binning_of(block), cell_px // block
+                binning, per_cell = bin_side_px(block), cell_px // block
                 if binning not in opened:
                     spare = margin - binning * LINE_REACH
                     near = fine_rows[spare : len(inside) - spare]
-                    opened[binning] = lines_of_light(mean_of_squares(near, binning))
+                    opened[binning] = opened_along_lines(mean_of_squares(near, binning))
                 found = block_maximum(opened[binning], block // binning)
                 largest[first * per_cell : last * per_cell] = found
 
@@ -166,13 +163,13 @@ def bin_frame(
     )
 
 
-def lines_of_light(bins: _Values) -> _Values:
-    """Give every bin the brightest of eight lines of five bins through it.
+def opened_along_lines(bins: _Values) -> _Values:
+    """Replace every bin by the brightest of eight lines of five bins through it.
 
     A line is as bright as its darkest bin: a morphological opening with lines. Long lights keep
-    their brightness, while of a star, a hot pixel or a cosmic ray only parts five bins long are
-    left. The result has ``LINE_REACH`` rows less than ``bins`` at the top and at the bottom;
-    columns beyond the sides are mirror images.
+    their brightness; stars, hot pixels and cosmic rays keep only parts at least five bins long. The
+    result has ``LINE_REACH`` rows less than ``bins`` at the top and at the bottom; columns beyond
+    the sides are mirror images.
     """
     import cv2
 
@@ -193,7 +190,10 @@ def _is_well_sampled(pixels: PixelArray) -> bool:
 
 
 def block_maximum(values: _Values, block: int) -> _Values:
-    """Largest value of every ``block`` x ``block`` square; it divides both sides of ``values``."""
+    """Return the largest value of every ``block`` x ``block`` square.
+
+    ``block`` divides both sides of ``values``.
+    """
     height, width = values.shape
     rows = values.reshape(height // block, block, width).max(axis=1)
     out: _Values = rows[:, ::block].copy()
@@ -215,11 +215,11 @@ def mean_of_squares(values: _Values, side: int) -> _Values:
     return values
 
 
-def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Float32Array:
-    """Return ``bins.means`` with the lowest row and the rightmost column as a map sees them.
+def cell_means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Float32Array:
+    """Return ``bins.means`` with the last row and column as in a map of whole blocks.
 
-    There the frame is mirrored up to whole blocks, and its bins then up to whole cells. No
-    difference where whole blocks are whole cells.
+    In them the frame is mirrored up to whole blocks, and its bins then up to whole cells. Nothing
+    changes where whole blocks are whole cells.
     """
     cell_px, means = bins.cell_px, bins.means.copy()
     sides = zip(means.shape, pixels.shape, strict=True)
@@ -233,30 +233,30 @@ def means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Fl
 
 def _up_to_cells(count: int, size: int, block: int) -> IndexArray:
     """(count,) row or column of the frame at each place, with mirrored pixels, then bins."""
-    binning, whole = binning_of(block), -(-size // block) * block
+    binning, whole = bin_side_px(block), -(-size // block) * block
     bins, within = np.divmod(np.arange(count), binning)
-    return mirrored(mirrored(bins, whole // binning) * binning + within, size)
+    return mirrored_indices(mirrored_indices(bins, whole // binning) * binning + within, size)
 
 
 def copy_mirrored_rows(pixels: PixelArray, rows: range, out: PixelArray) -> None:
-    """Copy ``rows`` of a frame to ``out``; beyond its edges the frame is its own mirror image.
+    """Copy ``rows`` of a frame, extended beyond its edges by its mirror image, to ``out``.
 
     ``rows`` may lie above or below the frame; ``out`` may be wider than the frame.
     """
     height, width = pixels.shape
     inside = min(width, out.shape[1])
     if len(rows) > 0 and (rows[-1] >= height or rows[0] < 0):
-        out[:, :inside] = pixels[mirrored(np.array(rows), height), :inside]
+        out[:, :inside] = pixels[mirrored_indices(np.array(rows), height), :inside]
     else:
         out[:, :inside] = pixels[rows.start : rows.stop : rows.step, :inside]
     if inside < out.shape[1]:
-        out[:, inside:] = out[:, mirrored(np.arange(inside, out.shape[1]), width)]
+        out[:, inside:] = out[:, mirrored_indices(np.arange(inside, out.shape[1]), width)]
 
 
-def mirrored(index: IndexArray, size: int) -> IndexArray:
-    """Replace rows or columns beyond the frame by those inside that they mirror.
+def mirrored_indices(index: IndexArray, size: int) -> IndexArray:
+    """Replace indices of rows or columns beyond the frame by those inside that they mirror.
 
-    ``size``: rows or columns of the frame. The outermost one is not repeated.
+    ``size``: number of rows or columns of the frame. The outermost one is not repeated.
     """
     there_and_back = max(2 * (size - 1), 1)
     folded = index % there_and_back
@@ -264,10 +264,10 @@ def mirrored(index: IndexArray, size: int) -> IndexArray:
 
 
 def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
-    """Median over 5 x 5 cells, in steps of 16 bits: OpenCV's median of 5 takes no floats.
+    """Return the median over 5 x 5 cells, of values rounded to 16 bits for OpenCV.
 
     Cells much brighter than the 98th percentile of all are clipped, as stars. ``is_sky``: True
-    where they may be sky (an amplifier's glow); medians that bright are then kept.
+    where such cells may be sky (an amplifier's glow); medians that bright are then kept.
     """
     low, high = (float(v) for v in np.percentile(cells, (0.0, 98.0)))
     # Cells brighter than most are stars: where exactly they lie cannot move a median.

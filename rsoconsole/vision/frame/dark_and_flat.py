@@ -1,8 +1,8 @@
-"""Master dark and master flat applied to a frame: prepared once, then one pass over each frame.
+"""Master dark and flat applied to a frame: prepared once, then one pass over each frame.
 
-A calibrated pixel is ``raw * gain + offset``. The dark's median stays in it: the noise of a dark
-sky does not fall below zero, and pixels saturate where they did before. Unusable pixels (no light
-in the flat, nearly saturated in the dark) take the median of their neighbours.
+A calibrated pixel is ``raw * gain + offset``. The median of the dark is not subtracted: so the
+noise of a dark sky does not fall below zero, and pixels saturate where they did before. Unusable
+pixels (no light in the flat, nearly saturated in the dark) take the median of their neighbours.
 """
 
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ _GAIN_STEPS = 65535.0
 
 
 class DarkAndFlat:
-    """Master dark and master flat, ready to calibrate frames of their size; for one thread."""
+    """Master dark and flat, prepared to calibrate frames of their size; for use by one thread."""
 
     def __init__(
         self, dark: PixelArray, flat: PixelArray | None = None, *, has_mosaic: bool = False
@@ -85,8 +85,8 @@ class DarkAndFlat:
             flat_view[defects] = np.median(flat_view[neighbours], axis=1).astype(out.dtype)
         return replace(frame, pixels=out)
 
-    def defects(self, saturation_adu: float) -> int:
-        """Number of pixels filled from their neighbours, for a camera saturating at this level."""
+    def defect_count(self, saturation_adu: float) -> int:
+        """Return the number of pixels filled from neighbours, for this saturation level."""
         return int(self._defects(saturation_adu)[0].size)
 
     def _calibrate(
@@ -118,10 +118,10 @@ class DarkAndFlat:
         return self._filled[1:]
 
 
-def normalised(flat: PixelArray, *, has_mosaic: bool = False) -> Float32Array:
-    """Return the flat divided by its median, each colour of a mosaic by its own.
+def normalised_flat(flat: PixelArray, *, has_mosaic: bool = False) -> Float32Array:
+    """Return the flat divided by its median, each colour of a mosaic by its own median.
 
-    Raises ValueError where a median is not positive: there is no light in it.
+    Raises ValueError where a median is not positive: the flat has no light in it.
     """
     out = flat.astype(np.float32)
     for row, column in CELL if has_mosaic else ((0, 0),):
@@ -145,7 +145,7 @@ def _gains(
     nowhere = np.zeros(0, np.intp)
     if flat is None:
         return None, 1.0, nowhere
-    light = normalised(flat, has_mosaic=has_mosaic)
+    light = normalised_flat(flat, has_mosaic=has_mosaic)
     is_dark = light < MIN_LIT
     if is_dark.any():
         # In a dark corner the gain stays at its most; what is dark among the lit is a defect.

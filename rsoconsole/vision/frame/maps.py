@@ -22,9 +22,9 @@ from rsoconsole.vision.frame.bins import (
     CELL_PX,
     FrameBins,
     bin_frame,
-    binning_of,
+    bin_side_px,
     block_maximum,
-    means_of_whole_blocks,
+    cell_means_of_whole_blocks,
     median_5x5,
 )
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
@@ -36,8 +36,7 @@ MAP_KIND = "lines of 5 bins"
 LOWEST_SIGMA = -2.0
 HIGHEST_SIGMA = 14.0
 LINE_GAIN, LINE_SHIFT = 1.25, 1.25
-"""Gain and shift that make good the loss by the darkest of five: plain sky looks as the brightest
-of its bins would."""
+"""Gain and shift that make good the loss by the darkest of five."""
 CODES_PER_SIGMA = 255.0 / (HIGHEST_SIGMA - LOWEST_SIGMA)
 SIDEREAL_ARCSEC_S = 15.04
 
@@ -78,9 +77,10 @@ def choose_blocks(
     """Return the blocks (side of a map's cell, px) at which to search a frame, smallest first.
 
     - scale and exposure known: the block for which a geostationary streak is 12 to 24 cells long,
-      for example 8 for the paper's telescope; at most the block that leaves 48 cells a side. Below
-      4 it is used only if that map fits the network in one piece, else 4 is used. Above 4, the
-      block 4 is searched as well, for short streaks, if that map fits the network in one piece.
+      for example 8 for the paper's telescope, but at most the block that leaves 48 cells a side. A
+      block below 4 is replaced by 4 unless its map fits the network in one piece. Beside a block
+      above 4 the block 4 is searched too, for short streaks, if that map fits the network in one
+      piece.
     - scale or exposure None: every block whose map fits the network in one piece and has 48 cells a
       side
     """
@@ -114,11 +114,11 @@ def make_map(
     noise: Float32Array | None = None,
     workers: Workers = CALLER_ALONE,
 ) -> FrameMap:
-    """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, to a map for the network.
+    """Reduce ``pixels`` (height, width), uint16 or finite float32 ADU, to the network's map.
 
     ``block``: pixels along the side of a cell. ``bins`` and ``noise`` (``map_noise``): those of the
-    same frame, where known already; bins without this block are replaced. Raises ValueError for a
-    block below 1.
+    same frame; None, or bins without this block: they are computed. Raises ValueError for a block
+    below 1.
     """
     if block < 1:
         raise ValueError(f"a block of {block} pixels: it must be 1 or more")
@@ -131,10 +131,10 @@ def make_map(
 
 
 def map_noise(pixels: PixelArray, block: int, *, workers: Workers = CALLER_ALONE) -> Float32Array:
-    """Noise (one sigma) of the bins that make a map of mode ``fast``, ADU, for every cell."""
+    """Measure in every cell the noise (one sigma) of the bins of a map of mode ``fast``, ADU."""
     cell_px = _cells_of(block)[1]
     shape = tuple(-(-side // cell_px) for side in pixels.shape)
-    binning = binning_of(block)
+    binning = bin_side_px(block)
     return sky_noise(pixels, shape, cell_px, block=block, binning=binning, workers=workers)
 
 
@@ -169,17 +169,17 @@ def _fast_map(
         noise = map_noise(pixels, block, workers=workers)
     level = bins.level
     if any(-(-side // block) * block % cell_px for side in pixels.shape):
-        level = median_5x5(means_of_whole_blocks(pixels, bins, block))
+        level = median_5x5(cell_means_of_whole_blocks(pixels, bins, block))
     lines = bins.lines[block]
     # Within a block the sky does not change: it is taken away after the maximum.
     excess = lines - resample(level, blocks_per_cell, *lines.shape)
     excess *= np.float32(LINE_GAIN) / resample(noise, blocks_per_cell, *lines.shape)
     excess += np.float32(LINE_SHIFT)
-    return to_codes(excess)
+    return to_map_bytes(excess)
 
 
-def to_codes(excess_sigma: Float32Array) -> ByteArray:
-    """Convert signal to noise, in sigma, to the bytes of a graded map, clipped at both ends."""
+def to_map_bytes(excess_sigma: Float32Array) -> ByteArray:
+    """Convert signal to noise, in sigma, to the bytes of a ``fast`` map, clipped at both ends."""
     coded = np.rint((excess_sigma - LOWEST_SIGMA) * CODES_PER_SIGMA)
     codes: ByteArray = np.clip(coded, 0.0, 255.0).astype(np.uint8)
     return codes

@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 
 def median_of(values: npt.ArrayLike) -> float:
-    """Median of all values: numpy's to the last bit, in a tenth of its time for some hundreds.
+    """Return the median, equal to numpy's, in a tenth of the time for some hundreds of values.
 
-    NaN where any value is NaN, and for no values.
+    NaN where a value is NaN, and where there are no values.
     """
     flat = np.array(values).ravel()  # a copy, for it is put into order
     if flat.dtype.kind != "f":

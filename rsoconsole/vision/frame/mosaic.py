@@ -48,7 +48,7 @@ def without_mosaic(frame: Frame) -> Frame:
     """
     if not has_mosaic(frame.header):
         return frame
-    pixels, factors, offsets = even_out(frame.pixels, frame.saturation_adu)
+    pixels, factors, offsets = even_out_mosaic(frame.pixels, frame.saturation_adu)
     full = [
         factor * frame.saturation_adu + offset
         for factor, offset in zip(factors, offsets, strict=True)
@@ -56,7 +56,7 @@ def without_mosaic(frame: Frame) -> Frame:
     return replace(frame, pixels=pixels, saturation_adu=float(min(*full, 65535.0)))
 
 
-def even_out(
+def even_out_mosaic(
     pixels: PixelArray, saturation_adu: float
 ) -> tuple[PixelArray, tuple[float, ...], tuple[float, ...]]:
     """Give the four pixels of a mosaic's cell one response and one level.

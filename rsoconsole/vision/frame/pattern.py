@@ -1,10 +1,10 @@
 """Offsets of rows and columns by the electronics: found, and subtracted where they exist.
 
 The offset of a row shows in the excess of each of its pixels over the mean of the pixels above and
-below. The median of these excesses along the row, of which stars and streaks fill too little to
-move it, gives a first value; the mean of the excesses near it refines it, however coarse the steps
-of the converter are. A streak along one row for more than half of the frame would be taken for an
-offset.
+below. A first value is the median of these excesses along the row, which stars and streaks hardly
+move, since they fill little of it; the mean of the excesses near that value refines it, however
+coarse the converter's steps. A streak along one row for more than half of the frame would be taken
+for an offset.
 """
 
 from dataclasses import dataclass
@@ -43,9 +43,10 @@ class RowColumnPattern:
     """One sigma of a pixel without the offsets, ADU."""
 
     def removed(self, pixels: PixelArray) -> PixelArray:
-        """Return the frame without the offsets.
+        """Return the pixels without the offsets.
 
-        A uint16 frame stays so where its noise is at least 5 ADU; everything else becomes float32.
+        A uint16 frame remains uint16 where its noise is at least 5 ADU; all others become
+        float32.
         """
         out = pixels.astype(np.float32)
         if self.rows is not None:
@@ -59,11 +60,11 @@ class RowColumnPattern:
         return out.astype(np.uint16)
 
 
-def find_pattern(pixels: PixelArray) -> RowColumnPattern | None:
-    """Find offsets of rows and columns of ``pixels`` (height, width), uint16 or finite float32.
+def find_row_column_pattern(pixels: PixelArray) -> RowColumnPattern | None:
+    """Find row and column offsets of ``pixels`` (height, width), uint16 or finite float32.
 
-    None where they scatter by less than ``SEEN_SIGMA`` of a pixel's noise: a first look at some
-    bands of lines shows that, within 4 ms for 4656 x 3520.
+    None where they scatter by less than ``SEEN_SIGMA`` of a pixel's noise, which a few bands of
+    lines show within 4 ms for 4656 x 3520.
     """
     noise = _noise(pixels)
     if noise <= 0.0:

@@ -13,7 +13,7 @@ _Result = TypeVar("_Result")
 class Workers:
     """Threads that share the work on a frame; the caller's thread is one of them.
 
-    OpenCV and NumPy let them run together.
+    OpenCV and NumPy release Python's lock, so that the threads run at once.
     """
 
     def __init__(self, threads: int = 1) -> None:
@@ -39,7 +39,7 @@ class Workers:
             other.result()
 
     def begin(self, work: Callable[[], _Result]) -> "Future[_Result]":
-        """Run ``work`` in another thread; with a single thread it is run before this returns."""
+        """Run ``work`` in another thread, or before returning where there is only one thread."""
         if self._pool is not None:
             return self._pool.submit(work)
         done: Future[_Result] = Future()
@@ -56,7 +56,7 @@ CGROUPS = Path("/sys/fs/cgroup")
 
 
 def threads_for(wanted: int) -> int:
-    """Number of threads for a configured number; 0 means one for each core, at most four."""
+    """Return the number of threads for a configured number; 0: one a core, at most four."""
     return wanted if wanted > 0 else min(available_cores(), MAX_THREADS)
 
 

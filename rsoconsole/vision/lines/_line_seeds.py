@@ -1,4 +1,4 @@
-"""Seeds of lines: sums of cells along straight lines that stand out. Pure."""
+"""Seeds of lines: sums of cells along straight lines that exceed a threshold. Pure."""
 
 import math
 from collections.abc import Iterator
@@ -10,8 +10,7 @@ import numpy.typing as npt
 from rsoconsole.vision.arrays import Float32Array
 
 THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
-"""Thresholds of a short and of a long partial sum to be traced, in sigma of the cells' own
-scatter."""
+"""Thresholds of a short and a long partial sum to be traced, in sigma of the cells' scatter."""
 _SHORTEST, _LONGEST = 2, 7
 """Smallest and largest k of lines of 2^k rows of cells."""
 
@@ -24,8 +23,8 @@ _MAX_STEPS = 32767 >> _LONGEST
 
 
 @dataclass(frozen=True, slots=True)
-class Seed:
-    """Sum along a straight line of cells that stands out, with both ends in cells.
+class LineSeed:
+    """Straight line of cells whose sum exceeds the threshold, by both of its ends in cells.
 
     0 is the centre of the first cell; ``rows`` counts the cells along the line.
     """
@@ -38,20 +37,20 @@ class Seed:
     y_b: int
 
     @property
-    def alike(self) -> tuple[int, bool]:
+    def group_key(self) -> tuple[int, bool]:
         """Key by which seeds are grouped: number of cells, and True along a row or column.
 
-        Bad lines of the sensor run along rows and columns too.
+        Bad rows and columns of the sensor are in groups of their own that way.
         """
         return self.rows, self.x_a == self.x_b or self.y_a == self.y_b
 
 
-def threshold(rows: int) -> float:
-    """Threshold, in sigma, of a sum over this many rows; lower for long sums, which are few."""
+def sum_threshold_sigma(rows: int) -> float:
+    """Return the threshold of a sum of ``rows`` cells, sigma; lower for long sums (few)."""
     return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
 
 
-def seeds_in(cells: Float32Array) -> Iterator[Seed]:
+def find_seeds(cells: Float32Array) -> Iterator[LineSeed]:
     """Yield the sums along straight lines in a map of signal to noise that exceed their threshold.
 
     ``cells``: (rows, columns), in sigma. Lines run in all directions.
@@ -67,7 +66,7 @@ def seeds_in(cells: Float32Array) -> Iterator[Seed]:
                 x_a, x_b = (last - x, last - x - shift) if is_flipped else (x, x + shift)
                 y_a, y_b = row, row + rows - 1
                 ends = (y_a, x_a, y_b, x_b) if is_turned else (x_a, y_a, x_b, y_b)
-                yield Seed(snr, rows, *ends)
+                yield LineSeed(snr, rows, *ends)
 
 
 def _sums_that_stand_out(
@@ -94,7 +93,7 @@ def _sums_that_stand_out(
         longer[:, width:] = 0
         sums = longer
         if level >= _SHORTEST:
-            yield from _maxima(sums, rows, threshold(rows) * _STEPS)
+            yield from _maxima(sums, rows, sum_threshold_sigma(rows) * _STEPS)
 
 
 def _maxima(

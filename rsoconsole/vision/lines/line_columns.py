@@ -15,25 +15,27 @@ LONGEST_PX = 400
 _RIM_PX = 4
 
 
-def ridge_of(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> Float32Array:
-    """Smoothed signal to noise at every pixel along a line, where that is in the frame.
+def ridge_snr(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> Float32Array:
+    """Return the smoothed signal to noise at every pixel along a line, inside the frame.
 
-    Of a line longer than ``LONGEST_PX`` only the middle.
+    Only the middle of a line longer than ``LONGEST_PX`` is examined.
     """
     columns = int(min(length_of(ends), float(LONGEST_PX))) + 1
-    smooth, is_inside = smoothed_strip(pixels, sky, ends, psf_sigma, columns=columns, reach=_RIM_PX)
+    smooth, is_inside = smoothed_snr_strip(
+        pixels, sky, ends, psf_sigma, columns=columns, reach=_RIM_PX
+    )
     ridge: Float32Array = smooth[_RIM_PX][is_inside[_RIM_PX]]
     return ridge
 
 
-def smoothed_strip(
+def smoothed_snr_strip(
     pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float, *, columns: int, reach: int
 ) -> tuple[Float32Array, BoolArray]:
-    """Return signal to noise about a line, the line along the rows, and where pixels exist.
+    """Return smoothed signal to noise about a line, turned along the rows, and its mask.
 
     Two arrays (2 reach + 1, columns), centred on the line's middle: the nearest pixel of each
-    place, smoothed by ``psf_sigma`` px as stars are, in units of the noise that is left; and True
-    for places inside the frame.
+    place, smoothed with a Gaussian of ``psf_sigma`` px, in sigmas of the noise after smoothing; and
+    True for places inside the frame.
     """
     import cv2
 
@@ -90,8 +92,8 @@ def pixels_of_line_places(
     return ends[0] + dx * u - dy * v, ends[1] + dy * u + dx * v
 
 
-def rows_across(fwhm: float) -> FloatArray:
-    """Offsets across a line, px, (rows,): the pixels that are summed, and the sky beside them."""
+def offsets_across_px(fwhm: float) -> FloatArray:
+    """Return offsets across a line, px, (rows,): pixels to sum, and sky beside them."""
     _, near_px = _rows_px(fwhm)
     return np.arange(-near_px - _SIDE_PX, near_px + _SIDE_PX + 1, dtype=np.float64)
 
@@ -102,13 +104,13 @@ def _rows_px(fwhm: float) -> tuple[int, int]:
     return core_px, max(math.ceil(_GAP * fwhm), core_px + 1)
 
 
-def columns_at(
+def sum_line_columns(
     pixels: PixelArray, x: FloatArray, y: FloatArray, v: FloatArray, fwhm: float
 ) -> LineColumns:
     """Sum the light of a line's columns, above the sky beside it.
 
     - x, y: (rows, columns) pixels of the places; NaN where there is no pixel
-    - v: (rows,) offset of each row from the line, as ``rows_across`` gives it
+    - v: (rows,) offset of each row from the line, as ``offsets_across_px`` gives it
     - fwhm: full width at half maximum across, px
     """
     import cv2
@@ -133,7 +135,7 @@ def columns_at(
     # Sorted once: a median costs three times as much.
     beside = np.sort(strip[is_beside], axis=0)
     middle = beside[(len(beside) - 1) // 2 : len(beside) // 2 + 1].mean(axis=0)
-    level = smoothed(middle, 2 * math.ceil(2.0 * fwhm) + 1)
+    level = running_mean(middle, 2 * math.ceil(2.0 * fwhm) + 1)
     deviation = np.abs(beside - level)[:, is_inside]
     noise = max(_PER_MAD / _LEFT * float(np.median(deviation)), 1e-6)
     rows, rows_beside = float(is_core.sum()), float(is_beside.sum())
@@ -151,8 +153,8 @@ def _reach(places: FloatArray, side_px: int) -> tuple[int, int]:
     return int(min(max(first, 0.0), side_px - 2.0)), int(min(max(last, 0.0), side_px - 1.0)) + 2
 
 
-def smoothed(values: FloatArray, window: int) -> FloatArray:
-    """Running mean over ``window`` (odd), the ends repeated."""
+def running_mean(values: FloatArray, window: int) -> FloatArray:
+    """Return the running mean over ``window`` (odd) values; beyond the ends they repeat."""
     import cv2
 
     row = np.ascontiguousarray(values, dtype=np.float64)[None]

@@ -1,10 +1,10 @@
-"""Matched line filter: straight lines of light too faint or too long for the network's map.
+"""Matched line filter: straight lines too faint or too long for the network's map.
 
 The frame is divided into cells of a few pixels, and the light of each is limited so that a star
 counts little. Light is summed along every straight line of 2^k rows (or columns) of cells by the
 approximate discrete Radon transform (Brady, SIAM J. Comput. 27, 1998), whose partial sums are lines
-of every length (Nir, Zackay & Ofek, AJ 156:229, 2018). Each sum that stands out is traced to its
-own ends; its light is then removed, so that it adds nothing to the next line.
+of every length (Nir, Zackay & Ofek, AJ 156:229, 2018). For each sum above its threshold the ends of
+the line are found; the line's light is then removed, so that it adds nothing to the next line.
 """
 
 import math
@@ -15,8 +15,8 @@ import numpy as np
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background, resample
-from rsoconsole.vision.frame.bins import CELL_PX, lines_through, median_5x5
-from rsoconsole.vision.lines._line_seeds import Seed, seeds_in, threshold
+from rsoconsole.vision.frame.bins import CELL_PX, median_5x5, perpendicular_line_masks
+from rsoconsole.vision.lines._line_seeds import LineSeed, find_seeds, sum_threshold_sigma
 from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 MIN_SNR = 5.0
@@ -29,31 +29,27 @@ _SMALLEST = 1e-9
 _LIMIT, _MOST = 2.0, 6.0
 """Limits of a cell, in sigma: for light of no line, and for light of a line."""
 _SURELY_LIGHT, _NO_LINE = 4.5, 1.2
-"""Sigma of a cell above which it is a star, and counts as 0, where the light along any line is
-below the second."""
+"""Sigma of a cell that is a star, and counts as 0, where any line's light is below the second."""
 _MAX_GAP, _MIN_GAP, _DARK = 0.3, 6, 0.15
-"""Limits of a gap in a streak: longest dark part as a share of it, least length in cells, and the
-share of the level below which it is dark."""
+"""Limits of a gap: longest dark share of a streak, least cells, share of level that is dark."""
 _OF_A_BAND = 0.6
 """Side of the cells in which a band is one or two cells wide, over its width."""
 _MIN_COARSE = 8
 _SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
-"""One sigma of the smoothing, in cells; and noise of a sum along a line after it, for one sigma a
-cell."""
+"""Sigma of the smoothing, in cells, and noise of a line's sum after it, for 1 sigma a cell."""
 _STILL_THERE = 0.7
 _REACH = 2
 """Cells to either side of a line that are searched for its course."""
 _CHUNKS = 8
 _MAX_PARTS, _LIT_SHARE, _MIN_LIT = 16, 0.4, 3.0
-"""Number of parts into which a sum is cut, least share of it in their middling ones, and least
-sigma of the whole if all were like them."""
+"""Number of parts of a sum, least share of it in middling ones, least sigma if all were so."""
 _BEYOND = 12.0
 _LIT = 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellLine:
-    """Line of light by its ends: in cells (0: left edge of the first), or in pixels."""
+    """Line of light by its ends, in cells (0: left edge of the first cell) or in pixels."""
 
     x_a: float
     y_a: float
@@ -66,7 +62,7 @@ class CellLine:
 
 
 def cell_side_px(height: int, width: int, finest_px: int = FINEST_PX) -> int:
-    """Side of the line filter's cells, px: ``finest_px``, doubled while cells are too many."""
+    """Return the side of the cells, px: ``finest_px``, doubled while cells are too many."""
     side = finest_px
     while height * width > _MAX_CELLS * side**2 and side < CELL_PX:
         side *= 2
@@ -78,8 +74,8 @@ def propose_lines(
 ) -> list[CellLine]:
     """Find lines in a frame, in its pixels (0: centre of the first), strongest first.
 
-    ``squares``: means of squares of ``side_px`` (``bins.bin_frame``). The light of ``stars`` does
-    not count.
+    ``squares``: means of squares of ``side_px`` (``bins.bin_frame``). The light of ``stars`` is
+    masked.
     """
     rows, columns = squares.shape
     per_cell = sky.cell_px // side_px
@@ -162,14 +158,14 @@ def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> 
 def limited_snr(cells: Float32Array) -> Float32Array:
     """Limit the signal to noise of cells, (rows, columns), so that stars count little.
 
-    The limit is ``_LIMIT`` where there is no line. A line is what an opening along one of eight
-    directions leaves, less what the opening across leaves: a star is as long across as along, only
-    a light five cells long in one direction is kept.
+    The limit is ``_LIMIT`` except on lines. A cell is on a line where morphological openings along
+    and across one of eight directions differ: they are equal on a star, and different on a light
+    five cells long in one direction only.
     """
     import cv2
 
     line = np.zeros_like(cells)
-    for along, across in lines_through():
+    for along, across in perpendicular_line_masks():
         opened, other = (
             cv2.morphologyEx(cells, cv2.MORPH_OPEN, kernel, borderType=cv2.BORDER_REFLECT_101)
             for kernel in (along, across)
@@ -183,8 +179,8 @@ def limited_snr(cells: Float32Array) -> Float32Array:
 def find_lines(cells: Float32Array) -> list[CellLine]:
     """Find lines in a map of limited signal to noise, (rows, columns), strongest first.
 
-    Level and noise are those of the cells themselves, without those set to 0 (stars): faint stars,
-    which long sums add up, are part of both.
+    Mean and scatter are measured on the cells themselves, except those set to 0 (stars), since both
+    contain the faint stars that long sums add up.
     """
     import cv2
 
@@ -198,21 +194,23 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     # A line between two cells, or where the sums' own course is a cell beside it, counts more so.
     smooth = cv2.GaussianBlur(left, (3, 3), _SMOOTHED)
     smooth /= np.float32(_SMOOTHED_NOISE)
-    seeds: dict[tuple[int, bool], list[Seed]] = {}
-    for seed in seeds_in(smooth):
-        seeds.setdefault(seed.alike, []).append(seed)
+    seeds: dict[tuple[int, bool], list[LineSeed]] = {}
+    for seed in find_seeds(smooth):
+        seeds.setdefault(seed.group_key, []).append(seed)
     lit = [each for alike in seeds.values() for each in _lit_all_along(smooth, alike)]
     found: list[CellLine] = []
     traced = dict.fromkeys(seeds, 0)
     for _, seed in sorted(lit, key=lambda each: -each[0]):
         # In a field of stars thousands of short sums stand out, and bad columns are long: all that
         # is alike has its share.
-        if traced[seed.alike] == _MAX_TRACED:
+        if traced[seed.group_key] == _MAX_TRACED:
             continue
-        if _what_is_left(smooth, seed) < max(_STILL_THERE * seed.snr, threshold(seed.rows)):
+        if _what_is_left(smooth, seed) < max(
+            _STILL_THERE * seed.snr, sum_threshold_sigma(seed.rows)
+        ):
             continue
         line = _traced(left, seed)
-        traced[seed.alike] += 1
+        traced[seed.group_key] += 1
         if line is not None:
             _erase(left, line)
             _erase(smooth, line)
@@ -223,7 +221,7 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     return sorted(found, key=lambda line: -line.snr)
 
 
-def _lit_all_along(cells: Float32Array, seeds: list[Seed]) -> list[tuple[float, Seed]]:
+def _lit_all_along(cells: Float32Array, seeds: list[LineSeed]) -> list[tuple[float, LineSeed]]:
     """Sums of one length whose light is not that of a few bright places, best first.
 
     Each comes with the signal to noise that its middling parts give the whole.
@@ -244,7 +242,7 @@ def _lit_all_along(cells: Float32Array, seeds: list[Seed]) -> list[tuple[float, 
     ]
 
 
-def _what_is_left(cells: Float32Array, seed: Seed) -> float:
+def _what_is_left(cells: Float32Array, seed: LineSeed) -> float:
     """Sum along a seed over its noise, in the map as it is now."""
     count = max(abs(seed.x_b - seed.x_a), abs(seed.y_b - seed.y_a)) + 1
     column = _cells_between(seed.x_a, seed.x_b, count)
@@ -262,7 +260,7 @@ def _cells_between(first: int, last: int, count: int) -> IndexArray:
     return np.rint(places).astype(np.intp)
 
 
-def _traced(cells: Float32Array, seed: Seed) -> CellLine | None:
+def _traced(cells: Float32Array, seed: LineSeed) -> CellLine | None:
     """Trace the lit stretch of a seed's line, which may go on beyond it, along the light itself."""
     x, y = 0.5 * (seed.x_a + seed.x_b), 0.5 * (seed.y_a + seed.y_b)
     half = 0.5 * math.hypot(seed.x_b - seed.x_a, seed.y_b - seed.y_a) + 0.5

@@ -20,7 +20,7 @@ import numpy as np
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_strip import Course, LineProfile, LineStrip, profile_of
+from rsoconsole.vision.lines.line_strip import LineProfile, LineStrip, StripLine, profile_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _MAX_PARTS = 48
@@ -31,7 +31,7 @@ _SMALLEST = 1e-9
 
 
 def surroundings_scatter_ratio(
-    strip: LineStrip, known: BoolArray, course: Course, sigma: float
+    strip: LineStrip, known: BoolArray, course: StripLine, sigma: float
 ) -> float:
     """Scatter of the sky beside a line over the noise expected of its pixels, at least 1.
 
@@ -64,9 +64,9 @@ def line_texture(
     """Return two figures of the light along a line: its darker parts, and its roughness.
 
     - lower quartile of the parts' signal to noise, scaled to the whole line
-    - scatter of the parts over their mean that no slow change and no single period explains
+    - relative scatter of the parts that neither a slow change nor a single period explains
 
-    ``scatter``: noise of a part over that of its pixels (``Trace.confusion``).
+    ``scatter``: noise of a part over that of its pixels (``LineTrace.confusion``).
     """
     length = ends[1] - ends[0]
     count = int(np.clip(length / (2.0 * FWHM_PER_SIGMA * profile.sigma), 3, _MAX_PARTS))
@@ -87,7 +87,7 @@ def _parts(
     """Return (place, light, one sigma of it) of the parts of which enough is seen."""
     found: list[tuple[float, float, float]] = []
     for low, high in itertools.pairwise(np.linspace(ends[0], ends[1], count + 1).tolist()):
-        part = profile.between(low, high)
+        part = profile.is_known_between(low, high)
         known = int(np.count_nonzero(part))
         if known >= max(2.0, _MIN_SEEN * (high - low)):
             noise = math.sqrt(float((profile.error[part] ** 2).sum())) / known
@@ -136,16 +136,14 @@ MAX_FWHM = 30.0
 """Length in star widths up to which a few stars may look like a line."""
 _MAX_POINTS = 4
 _PRICE_OF_A_POINT, _PRICE_OF_A_PERIOD = 12.0, 16.0
-"""Prices in chi-square: of a point (place and light of a star in the field's own density), and of a
-period (with depth and phase, of a tumbling body)."""
+"""Prices in chi-square: of a point (place and light), and of a period (depth and phase)."""
 _UNLIKE = 0.12
 """Error of the model profiles of a line and of a star, as a share of the mean light."""
 _STEP_SIGMAS, _BEYOND_SIGMAS = 0.4, 4.0
 _MIN_PERIOD_SIGMAS, _MAX_PERIODS = 10.0, 8.0
 _FEWEST = 5
 _MIN_DETERMINED = 1e-3
-"""Least determinant of two places, over the product of their own terms: closer ones cannot be
-separated."""
+"""Least determinant of two places, over the product of their own terms."""
 _LIT_SHARE = 0.1
 """Share of the highest correlation with a star below which a place is left out."""
 _ACROSS_FWHM = 1.5
@@ -155,17 +153,18 @@ _ACROSS_FWHM = 1.5
 def line_over_points_chi2(
     profile: LineProfile, ends: tuple[float, float], scatter: float, drawn_px: float = 0.0
 ) -> float:
-    """Chi-square of the best few points minus that of one line; negative: points fit better.
+    """Return chi-square of the best few points minus that of one line; < 0: points fit better.
 
-    0 where the line is too long to compare or too little of it is seen. ``scatter``: noise over
-    that of the pixels (``Trace.confusion``). ``drawn_px``: length of a star's trail along the line.
+    0 where the line is too long to compare or too little of it is seen. ``scatter``: factor by
+    which the noise exceeds that of the pixels (``LineTrace.confusion``). ``drawn_px``: length of a
+    star's trail along the line; 0: stars are points.
     """
     sigma, length = profile.sigma, ends[1] - ends[0]
     if length > MAX_FWHM * FWHM_PER_SIGMA * sigma:
         return 0.0
     beyond = _BEYOND_SIGMAS * sigma
-    used = profile.between(ends[0] - beyond, ends[1] + beyond)
-    inside = profile.between(*ends)
+    used = profile.is_known_between(ends[0] - beyond, ends[1] + beyond)
+    inside = profile.is_known_between(*ends)
     if np.count_nonzero(inside) < _FEWEST:
         return 0.0
     u, light = profile.columns[used].astype(np.float64), profile.light[used]
@@ -234,7 +233,7 @@ def _left_by_points(
     total = float(value @ value)
     single = np.maximum(projected, 0.0) ** 2 / own
     best = total - float(single.max()) + _PRICE_OF_A_POINT
-    chosen = best_pair(gram, projected)
+    chosen = best_pair_of_lights(gram, projected)
     for count in range(2, _MAX_POINTS + 1):
         if count > 2:
             chosen.append(_one_more(shapes, value, chosen))
@@ -243,11 +242,11 @@ def _left_by_points(
     return best
 
 
-def best_pair(gram: FloatArray, projected: FloatArray) -> list[int]:
-    """Return the indices of the two places of n whose lights, none negative, explain the data best.
+def best_pair_of_lights(gram: FloatArray, projected: FloatArray) -> list[int]:
+    """Return the indices of the two places of n whose lights (>= 0) explain the data best.
 
-    Twice the same index where one place alone is best. ``gram`` (n, n): products of the images of
-    the places with each other; ``projected`` (n,): their products with the data.
+    The same index twice where one place alone is best. ``gram`` (n, n): products of the places'
+    images with each other; ``projected`` (n,): products of the images with the data.
     """
     own = np.maximum(np.diag(gram), _SMALLEST)
     single = np.maximum(projected, 0.0) ** 2 / own

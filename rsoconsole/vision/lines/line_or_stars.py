@@ -1,4 +1,4 @@
-"""One line or a few stars in a row: a short light compared with images of the frame's stars.
+"""One line or a few stars in a row: a short light compared with the frame's star images.
 
 Both models are made of star images along the line and fitted to the pixels about it:
 
@@ -6,7 +6,7 @@ Both models are made of star images along the line and fitted to the pixels abou
 - stars: a few images of any brightness; each adds to chi-square the price of a star that happens to
   stand there
 
-The sky and listed stars beside the line are free in both. A cosmic ray is neither, since it did not
+Both also fit the sky and the listed stars beside the line. Neither fits a cosmic ray, which did not
 come through the optics. Where drift has drawn the stars out or wind has shaken them, a moving
 object is a narrower line.
 """
@@ -20,8 +20,8 @@ from rsoconsole.records import Detection, FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_or_points import best_pair
-from rsoconsole.vision.stars.star_image import StarImage, disc, star_image
+from rsoconsole.vision.lines.line_or_points import best_pair_of_lights
+from rsoconsole.vision.stars.star_image import StarImage, gaussian_star_image, median_star_image
 from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
@@ -31,11 +31,9 @@ MAX_FWHM = 20.0
 _STEP_SIGMAS, _BEYOND_SIGMAS, _MIN_STEP_PX, _MAX_STEP_PX = 0.6, 3.0, 0.7, 2.0
 _MAX_PLACES, _MAX_BESIDE, _MIN_SIDE_PX = 160, 30, 5
 _MAX_STARS, _MAX_THROUGH = 4, 2
-"""Largest number of stars in a row that may look like a line, and of those that may stand on
-one."""
+"""Largest number of stars in a row that may look like a line, and of those standing on one."""
 _PRICE_OF_A_STAR, _PRICE_OF_A_PERIOD = 12.0, 16.0
-"""Prices in chi-square: of a star (place and light in the field's own density), and of a period
-(with depth and phase)."""
+"""Prices in chi-square: of a star (place and light), and of a period (depth and phase)."""
 _PERIODS = np.linspace(1.0, 8.0, 29)
 _AS_WIDE, _NARROWEST_PX = 0.9, 1.5
 """Share of a star's width below which a line counts as narrower, and its least width, px."""
@@ -50,18 +48,17 @@ _SMALLEST = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineOrStars:
+class LineStarsComparison:
     """Comparison of a short light as one line and as a few stars."""
 
     over_stars: float
-    """Chi-square that one line explains better than the best few stars, over what it leaves of a
-    pixel; negative: stars it is."""
+    """Chi-square gain of one line over the best few stars, over a pixel's rest; negative: stars."""
     left: float
     """Chi-square per pixel that the line leaves, each pixel's limited: about 1 for a streak."""
 
 
-class ShortLights:
-    """Comparison of a frame's short lights with images of its own stars.
+class StarImageComparer:
+    """Comparer of a frame's short lights with images of its own stars.
 
     The star images are made at the first comparison.
     """
@@ -72,7 +69,7 @@ class ShortLights:
         self._image: StarImage | None = None
         self._is_made = False
 
-    def compared(self, found: Detection) -> LineOrStars | None:
+    def compared(self, found: Detection) -> LineStarsComparison | None:
         """Compare one light, given in the camera's pixels, as a line and as stars.
 
         None where it is too long or too short, and where the frame has too few stars for an image.
@@ -81,7 +78,7 @@ class ShortLights:
         if found.length_px > MAX_FWHM * fwhm_px or found.length_px < 1.0:
             return None
         if not self._is_made:
-            self._image = star_image(self._pixels, self._sky, self._stars)
+            self._image = median_star_image(self._pixels, self._sky, self._stars)
             self._is_made = True
         if self._image is None:
             return None
@@ -93,7 +90,9 @@ class ShortLights:
             return fwhm_px
         return max(found.width_px, _NARROWEST_PX) if found.width_px < _AS_WIDE * fwhm_px else None
 
-    def _comparison(self, image: StarImage, found: Detection, fwhm_px: float) -> LineOrStars | None:
+    def _comparison(
+        self, image: StarImage, found: Detection, fwhm_px: float
+    ) -> LineStarsComparison | None:
         sigma, course = fwhm_px / FWHM_PER_SIGMA, _Course.of(found)
         step = max(min(_STEP_SIGMAS * sigma, _MAX_STEP_PX), _MIN_STEP_PX)
         count = int((course.length + 2.0 * _BEYOND_SIGMAS * sigma) / step) + 1
@@ -111,14 +110,14 @@ class ShortLights:
         rest, by_line = fit.line_leaves(np.tensordot(lights, of_stars, 1), star_places)
         width_px = self._narrower_px(found, fwhm_px)
         if width_px is not None:
-            of_line = box.images(disc(width_px), x, y)
+            of_line = box.images(gaussian_star_image(width_px), x, y)
             lights = _best_line(fit.columns(of_line), fit.target, u, step, 0.5 * course.length)
             narrow = fit.line_leaves(np.tensordot(lights, of_line, 1), star_places)
             rest, by_line = min((rest, by_line), narrow, key=lambda each: each[1])
         by_stars = _left_by_stars(fit, star_places, of_stars, step)
         left = float(np.minimum(rest**2, _MAX_LEFT).sum()) / fit.freedom
         over = (by_stars - by_line) / max(left, _MIN_LEFT)
-        return LineOrStars(over_stars=over, left=left)
+        return LineStarsComparison(over_stars=over, left=left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,10 +250,11 @@ class _Fit:
         return np.asarray(columns - self._free @ (self._free.T @ columns))
 
     def line_leaves(self, line: FloatArray, places: FloatArray) -> tuple[FloatArray, float]:
-        """Residuals of an image of a line, and their chi-square with the price of its terms.
+        """Fit an image of a line to the pixels; return the residuals and their penalised
+        chi-square.
 
-        Its place across and its direction are corrected a little; a few stars on or near it, at one
-        of the ``places`` (used, n), may shine through.
+        The line may move across and turn a little; a few stars at some of the ``places`` (used,
+        n) may be added to it, each at a penalty.
         """
         down, right = np.gradient(line)
         across = down * self._course.dx - right * self._course.dy
@@ -339,7 +339,7 @@ def _left_by_stars(fit: _Fit, places: FloatArray, images: Float32Array, step: fl
     left = math.inf
     for count in range(1, _MAX_STARS + 1):
         if count == 2:
-            chosen = best_pair(gram, projected)
+            chosen = best_pair_of_lights(gram, projected)
         elif count > 2:
             chosen.append(_next(gram, projected, own, chosen))
             for i in range(count):

@@ -1,7 +1,7 @@
-"""Pixels about a line, turned so that it runs along the rows, and the profile of light along it.
+"""Pixels about a line, turned so that it runs along the rows, and its light profile.
 
-Listed stars are masked and the sky beside the line is subtracted; the rest is matched across to the
-frame's own point-spread function.
+Listed stars are masked and the sky beside the line is subtracted; the rest is summed across the
+line with the frame's own point-spread function as weight.
 """
 
 import math
@@ -56,8 +56,8 @@ class LineStrip:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """Straight line in a strip: its row offset at column ``middle``, its slope, their errors."""
+class StripLine:
+    """Straight line in a strip: slope, row offset at column ``middle``, and their errors."""
 
     middle: float
     offset: float
@@ -78,12 +78,12 @@ class StripPath(Protocol):
         ...
 
 
-def strip_about(
+def cut_out_strip(
     pixels: PixelArray, sky: Background, ends: Ends, stars: StarList, sigma: float
 ) -> LineStrip | None:
     """Cut out and turn the pixels about a line between ``ends``, with listed stars masked.
 
-    The strip reaches 35 % of the length, at least 40 px, beyond either end, but not beyond the
+    The strip extends beyond either end by 35 % of the length, at least 40 px, but not beyond the
     frame. ``sigma``: of the stars, px. None where the line is too short or hardly in the frame.
     """
     import cv2
@@ -171,7 +171,7 @@ def _mask_stars(
             strip.is_good[:, first:last] &= du**2 + dv**2 > radius**2
 
 
-def subtract_sky_beside(strip: LineStrip, course: Course, sigma: float) -> None:
+def subtract_sky_beside(strip: LineStrip, course: StripLine, sigma: float) -> None:
     """Subtract from a strip, in place, the light beside the line: glow, a bright star's wings."""
     import cv2
 
@@ -188,10 +188,10 @@ def subtract_sky_beside(strip: LineStrip, course: Course, sigma: float) -> None:
     strip.values[:] -= light / np.maximum(count, 1.0)
 
 
-def weights_of(
+def gaussian_weights(
     strip: LineStrip, columns: IndexArray, course: StripPath, sigma: float
 ) -> Float32Array:
-    """Weights of a strip's pixels: in every column a Gaussian about the path, with sum 1."""
+    """Return weights of a strip's pixels: in each column a Gaussian about the path, sum 1."""
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     off = v - course.at(columns).astype(np.float32)
     return np.asarray(
@@ -220,15 +220,15 @@ class LineProfile:
         """True for the columns in which the line is not hidden."""
         return np.isfinite(self.error)
 
-    def between(self, first: float, last: float) -> BoolArray:
-        """True for the known columns between two places."""
+    def is_known_between(self, first: float, last: float) -> BoolArray:
+        """Return True for the columns between two places, px, where the light is known."""
         columns = self.columns
         return (columns >= first) & (columns <= last) & self.is_known
 
 
 def profile_of(strip: LineStrip, course: StripPath, sigma: float) -> LineProfile:
     """Measure the light of a strip along a path in it, matched across to ``sigma`` px."""
-    weight = weights_of(strip, strip.columns, course, sigma)
+    weight = gaussian_weights(strip, strip.columns, course, sigma)
     known = weight * strip.is_good
     share = np.einsum("ij,ij->j", known, weight).astype(np.float64)
     nominal = 1.0 / (2.0 * math.sqrt(math.pi) * sigma)

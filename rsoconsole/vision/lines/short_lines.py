@@ -11,13 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.lines.line_filter import CellLine
 from rsoconsole.vision.stars.star_list import StarList
 
 MAX_SHORT, _MAX_WHERE_SHARP = 12, 6
-"""Largest numbers of short lines: with wide stars and with sharp ones, where a streak is seldom so
-short and line filter and network see it too."""
+"""Largest numbers of short lines: with wide stars and with sharp ones."""
 _ACROSS_FWHM, _SAME_DEG = 1.0, 15.0
 """Distance across, in widths, and turn up to which a light is a piece of a proposed line."""
 
@@ -70,6 +69,6 @@ def _is_part(x: float, y: float, angle_deg: float, line: CellLine, fwhm_px: floa
     length = max(math.hypot(dx, dy), 1e-6)
     off_x, off_y = x - 0.5 * (line.x_a + line.x_b), y - 0.5 * (line.y_a + line.y_b)
     along, across = abs(off_x * dx + off_y * dy) / length, abs(off_y * dx - off_x * dy) / length
-    turn = turn_deg(angle_deg, math.degrees(math.atan2(dy, dx)) % 180.0)
+    turn = line_angle_deg(angle_deg, math.degrees(math.atan2(dy, dx)) % 180.0)
     is_near = across < _ACROSS_FWHM * fwhm_px and along < 0.5 * length + fwhm_px
     return is_near and turn < _SAME_DEG

@@ -41,7 +41,7 @@ class Cutout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineGuess:
-    """Line through the cutout, by a point in raw pixels and a direction as a unit vector."""
+    """First guess of a line through the cutout: a point in raw pixels and a unit vector."""
 
     x_px: float
     y_px: float
@@ -50,7 +50,7 @@ class LineGuess:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LitStretch:
+class LitPart:
     """Part of a guessed line that is lit; u is the distance along the line from its point, px."""
 
     u_a: float
@@ -249,11 +249,11 @@ def _best_line(
     return float(angles[i]), float(offsets[j])
 
 
-def find_ends(cutout: Cutout, guess: LineGuess, psf_sigma: float) -> LitStretch | None:
+def find_ends(cutout: Cutout, guess: LineGuess, psf_sigma: float) -> LitPart | None:
     """Find the lit part of a guessed line; None where no light stands out.
 
-    The part over which the light above half of its level adds up to most. A bright piece counts no
-    more than one and a half times the level, so that it does not pull the ends.
+    It is the part with the largest sum of light above about half of the typical level. Light counts
+    up to one and a half times that level, so that a bright piece does not pull the ends.
     """
     profile, is_known, noise, first = _profile(cutout, guess, psf_sigma)
     if np.count_nonzero(is_known) < 5:
@@ -270,7 +270,7 @@ def find_ends(cutout: Cutout, guess: LineGuess, psf_sigma: float) -> LitStretch 
     inside = smooth[a : b + 1]
     known = np.flatnonzero(is_known)
     parts = np.array_split(inside, min(_PARTS, inside.size))
-    return LitStretch(
+    return LitPart(
         u_a=float(first + a) - 0.5,
         u_b=float(first + b) + 0.5,
         amplitudes=tuple(max(median_of(part), 0.05 * level) for part in parts),

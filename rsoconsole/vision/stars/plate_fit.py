@@ -2,9 +2,10 @@
 
 Pure: arrays in, a ``PlateFit`` out. Stars (N, 2) are pixels x, y and catalogue stars (M, 2) are RA,
 Dec in ICRS degrees, both **brightest first**. The plate is linear in its coefficients on the
-tangent plane about the image centre: 3 per axis for TAN, 6 or 10 with SIP of order 2 or 3. An order
-is taken only when it lowers the leave-one-out residual (PRESS), so that few stars never buy
-distortion. Sources: Greisen & Calabretta 2002 (TAN); Shupe et al. 2005 (SIP); Allen 1974 (PRESS).
+tangent plane about the image centre: 3 per axis for TAN, 6 or 10 with SIP of order 2 or 3. A higher
+order is used only where it lowers the leave-one-out residual (PRESS), so that few stars never lead
+to a false distortion. Sources: Greisen & Calabretta 2002 (TAN); Shupe et al. 2005 (SIP); Allen 1974
+(PRESS).
 """
 
 import math
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import FloatArray, PlatePath, Solution, Wcs
-from rsoconsole.sky import describe, pixel_to_sky, separation_deg, sky_to_pixel
+from rsoconsole.sky import describe_field, pixel_to_sky, separation_deg, sky_to_pixel
 from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest
 
@@ -54,7 +55,7 @@ def refit(
     match for the match to be more than chance.
     """
     stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
-    shown = in_field(
+    shown = catalogue_stars_in_frame(
         wcs_start, catalogue_deg, 2 * len(stars) + 20, width_px=width_px, height_px=height_px
     )
     if len(stars) < MIN_MATCHED or len(shown) < MIN_MATCHED:
@@ -100,7 +101,7 @@ def solution_from(
 
     ``path`` and ``ms``: how it was solved, and the time that took.
     """
-    field = describe(fit.wcs, width_px, height_px)
+    field = describe_field(fit.wcs, width_px, height_px)
     return Solution(
         frame_id=frame_id,
         wcs=fit.wcs,
@@ -116,7 +117,7 @@ def solution_from(
     )
 
 
-def in_field(
+def catalogue_stars_in_frame(
     wcs: Wcs,
     catalogue_deg: FloatArray,
     most: int,
@@ -125,9 +126,9 @@ def in_field(
     height_px: int,
     margin_px: float = 0.0,
 ) -> IndexArray:
-    """Rows of the ``most`` brightest catalogue stars that the plate puts on the frame.
+    """Return rows of the ``most`` brightest catalogue stars that the plate puts on the frame.
 
-    ``margin_px``: stars this far beyond the edges count too.
+    ``margin_px``: distance beyond the edges up to which stars count too.
     """
     x, y = sky_to_pixel(wcs, catalogue_deg[:, 0], catalogue_deg[:, 1])
     with np.errstate(invalid="ignore"):

@@ -11,15 +11,15 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import FloatArray, Wcs
-from rsoconsole.sky import describe, pixel_to_sky, sky_to_pixel
+from rsoconsole.sky import describe_field, pixel_to_sky, sky_to_pixel
 from rsoconsole.vision.arrays import IndexArray
-from rsoconsole.vision.stars.plate_fit import MAX_STARS, PlateFit, in_field, refit
+from rsoconsole.vision.stars.plate_fit import MAX_STARS, PlateFit, catalogue_stars_in_frame, refit
 from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest
 
 _VOTE_BIN_PX = 6.0
 
 
-def refit_from(
+def refit_moved_plate(
     previous: Wcs,
     stars_xy_px: FloatArray,
     catalogue_deg: FloatArray,
@@ -29,15 +29,15 @@ def refit_from(
     shift_deg: tuple[float, float] = (0.0, 0.0),
     search_arcsec: float = 120.0,
 ) -> PlateFit | None:
-    """Fit the plate of a frame from that of an earlier one; None when it does not fit.
+    """Fit the plate of a frame, starting from an earlier frame's; None where it fails.
 
     ``shift_deg`` is the commanded move of the telescope since, as (RA, Dec) differences in degrees;
     the camera keeps its angle to the pole. The remaining offset, up to ``search_arcsec``, is the
-    one on which most pairs of star and catalogue star agree. Refused are a field without such a
-    majority, and a plate whose scale or angle differs from the previous one's.
+    one on which most pairs of star and catalogue star agree. None also without a clear majority,
+    and where scale or angle differ from the previous plate's.
     """
     predicted = plate_after_mount_move(previous, shift_deg)
-    scale = describe(predicted, width_px, height_px).scale_arcsec_px
+    scale = describe_field(predicted, width_px, height_px).scale_arcsec_px
     reach_px = max(search_arcsec / scale, 2.0 * _VOTE_BIN_PX)
     stars = np.asarray(stars_xy_px, float)[:MAX_STARS, :2]
     size_px = (width_px, height_px)
@@ -68,7 +68,7 @@ def _shown(
 ) -> tuple[IndexArray, FloatArray]:
     """Rows of the brightest catalogue stars on the frame or just beside it, and their pixels."""
     width_px, height_px = size_px
-    shown = in_field(
+    shown = catalogue_stars_in_frame(
         plate, catalogue_deg, most, width_px=width_px, height_px=height_px, margin_px=margin_px
     )
     catalogue = np.asarray(catalogue_deg, float)[shown]
@@ -117,7 +117,7 @@ def _voted_offset(
 
 def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> bool:
     """True where two plates share hand, scale (0.3 %) and angle to the pole (1 deg)."""
-    a, b = (describe(wcs, width_px, height_px) for wcs in (before, after))
+    a, b = (describe_field(wcs, width_px, height_px) for wcs in (before, after))
     turned = (b.rotation_deg - a.rotation_deg + 180.0) % 360.0 - 180.0
     return (
         a.is_flipped == b.is_flipped
@@ -127,14 +127,12 @@ def _is_same_camera(before: Wcs, after: Wcs, width_px: int, height_px: int) -> b
 
 
 MIN_SHIFT_STARS = 2
-"""Fewest stars that must agree on one shift."""
 _ASKED = ((10, 12), (20, 20), (60, 40))
 """Numbers of stars and of catalogue stars, used in turn until their agreement is no chance."""
 _MAX_BY_CHANCE = 1e-4 / len(_ASKED)
 """Highest number of chance agreements of as many stars, a frame."""
 _TOLERANCE_PX = 2.0
-"""Tolerance of a star's place, px: error of its centre in poor light and of the plate between two
-fields."""
+"""Tolerance of a star's place, px: error of its centre and of the plate between two fields."""
 
 
 def shift_plate(
@@ -150,12 +148,12 @@ def shift_plate(
 ) -> PlateFit | None:
     """Shift a plate by the offset on which most stars agree; None where that may be chance.
 
-    For fields with too few stars for a fit. ``shift_deg`` and ``search_arcsec`` as in
-    ``refit_from``. ``rms_arcsec``: residual of the previous plate's stars, per axis; the result
-    states no smaller one, since few stars may agree better by luck.
+    For fields with too few stars for a fit. ``shift_deg`` and ``search_arcsec``: commanded move and
+    largest remaining offset. ``rms_arcsec``: residual of the previous plate's stars, per axis; the
+    result's is at least as large, since few stars may agree better by chance.
     """
     predicted = plate_after_mount_move(previous, shift_deg)
-    scale = describe(predicted, width_px, height_px).scale_arcsec_px
+    scale = describe_field(predicted, width_px, height_px).scale_arcsec_px
     reach_px = search_arcsec / scale
     most_stars, most_catalogued = _ASKED[-1]
     stars = np.asarray(stars_xy_px, float)[:most_stars, :2]

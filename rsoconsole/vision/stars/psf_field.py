@@ -2,8 +2,8 @@
 
 The logarithm of the width is a polynomial of low order in the position: a slope in x and y, a bowl
 in the distance from the middle (slope and bowl together are a bowl about another place), and a
-steeper rim where the stars show one. The fit is robust, because a blend of two stars is wide
-anywhere. It is used only where it is significant and large enough to matter; in other frames one
+steeper rim where the stars show one. The fit is robust, since the blend of two stars is too wide at
+any place. It is used only where it is significant and large enough to matter; in other frames one
 width holds everywhere.
 """
 
@@ -25,9 +25,7 @@ _MIN_CHANGE = 0.08
 _MIN_F = 12.0
 """Least F value of the change, per term: 1e-7 by chance; blends are more than chance."""
 _MAX_SCATTER = 0.2
-"""Largest relative scatter of single stars about the surface: beyond it they are no discs of one
-telescope, but lights near the horizon or the brightest of many video frames, and no star's width
-follows."""
+"""Largest relative scatter of single stars about the surface: beyond it no width follows."""
 _BISQUARE = 4.685
 """Residual over its scatter from which a star counts nothing (Maronna et al. 2006, ch. 2)."""
 _SIGMA_PER_MAD = 1.4826
@@ -65,7 +63,7 @@ class PsfField:
         value = design[..., : len(self.log_fwhm)] @ np.array(self.log_fwhm)
         return np.asarray(np.clip(value, *self.log_range))
 
-    def of_joined(self, side: float) -> "PsfField":
+    def in_binned_pixels(self, side: float) -> "PsfField":
         """Return the field in the pixels of a frame binned by ``side``.
 
         ``side`` below 1 goes from a binned frame back to a finer one.
@@ -76,7 +74,7 @@ class PsfField:
         )
 
     def through(self, x_px: FloatArray, y_px: FloatArray, fwhm_px: FloatArray) -> "PsfField":
-        """Return the field times one factor, so that it fits the widths of other stars.
+        """Scale the field by one factor to fit the widths of other stars; return the new field.
 
         Places and widths (n,), n at least 1; the factor is the median of measured over expected
         width.
@@ -103,11 +101,11 @@ class Psf:
     field: PsfField | None = None
     """Width over the frame; None: the same everywhere."""
 
-    def of_joined(self, side: float) -> "Psf":
+    def in_binned_pixels(self, side: float) -> "Psf":
         """Return the width in the pixels of a frame binned by ``side``."""
         if side == 1:
             return self
-        field = None if self.field is None else self.field.of_joined(side)
+        field = None if self.field is None else self.field.in_binned_pixels(side)
         return Psf(fwhm_px=self.fwhm_px / side, field=field)
 
 

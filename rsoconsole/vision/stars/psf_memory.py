@@ -1,9 +1,9 @@
-"""The width of the stars in the last frame that showed enough of them, for frames that do not.
+"""Width of the stars in the last frame that showed enough of them, for later frames.
 
 Under cloud, in a narrow field or a short exposure a frame does not show how wide a star is; the
-frames just before it do. Seeing and focus hold for a while, in angle on the sky: a frame of the
-same field of view uses the width whatever its binning, a frame of unknown scale only from frames of
-the same shape.
+frames just before it do. Seeing and focus last for a while as an angle on the sky: the width is
+used for frames of the same field of view, whatever their binning; a frame of unknown scale uses
+only the width of a frame of the same shape.
 """
 
 from dataclasses import dataclass
@@ -50,8 +50,8 @@ class PsfMemory:
     def remember(self, frame: Frame, stars: StarList) -> None:
         """Remember the width of a frame's stars for later frames.
 
-        Ignored are frames without a time, with fewer than ``MIN_STARS_KEPT`` stars, and those whose
-        stars are trails: drift and wind pass with the frame.
+        Ignored are frames without a time, those with fewer than ``MIN_STARS_KEPT`` stars, and those
+        whose stars are trails, since drift and wind last for one frame only.
         """
         is_good = stars.width_source == "measured" and stars.trail is None
         if not is_good or len(stars) < MIN_STARS_KEPT or frame.t_mid_utc_ns is None:
@@ -67,7 +67,7 @@ class PsfMemory:
     def recall(self, frame: Frame) -> Psf | None:
         """Return the width of a star to expect in a frame, in that frame's pixels.
 
-        None where the remembered width is of another field of view, of later than this frame, or
+        None where the remembered frame has another field of view, is later than this one, or is
         older than ``HOLDS_NS``.
         """
         last = self._last
@@ -76,4 +76,4 @@ class PsfMemory:
         if not 0 <= frame.t_mid_utc_ns - last.t_mid_utc_ns <= HOLDS_NS:
             return None
         ratio = last.pixels_along(frame)
-        return None if ratio is None else last.psf.of_joined(ratio)
+        return None if ratio is None else last.psf.in_binned_pixels(ratio)

@@ -34,13 +34,13 @@ class StarImage:
 
     @property
     def reach(self) -> int:
-        """Number of pixels from the middle pixel to the rim."""
+        """Number of pixels from the middle pixel to the edge of the image."""
         return int(self.pixels.shape[0] // 2)
 
     def at(self, x_px: float, y_px: float) -> tuple[int, int, Float32Array]:
-        """Return the image of a point at a place of the frame, moved by the fraction of a pixel.
+        """Return the image of a point at a place of the frame, shifted by the fraction of a pixel.
 
-        As (column, row, pixels): where its first pixel lies in the frame, and the pixels.
+        As (column, row, pixels): column and row are the place of its first pixel in the frame.
         """
         import cv2
 
@@ -53,8 +53,8 @@ class StarImage:
         return column - self.reach, row - self.reach, np.asarray(moved)
 
 
-def disc(fwhm_px: float) -> StarImage:
-    """Return the image of a Gaussian star of this full width at half maximum."""
+def gaussian_star_image(fwhm_px: float) -> StarImage:
+    """Return the image of a Gaussian star, by its full width at half maximum."""
     import cv2
 
     reach = max(math.ceil(_REACH_FWHM * fwhm_px) + 1, _MIN_REACH_PX)
@@ -62,7 +62,7 @@ def disc(fwhm_px: float) -> StarImage:
     return StarImage(pixels=(line @ line.T).astype(np.float32))
 
 
-def star_image(pixels: PixelArray, sky: Background, stars: StarList) -> StarImage | None:
+def median_star_image(pixels: PixelArray, sky: Background, stars: StarList) -> StarImage | None:
     """Return the median image of a frame's stars; None where too few of them stand alone.
 
     ``pixels``: (height, width), ADU.

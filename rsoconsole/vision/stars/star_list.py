@@ -24,20 +24,19 @@ class OblongLights:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trail:
-    """Trail to which drift has drawn out every star."""
+class StarTrail:
+    """Trail of every star of a frame, drawn out by drift."""
 
     length_px: float
     """Length from end to end, px, without the disc's own width."""
     angle_deg: float
     """Direction, x towards y, 0 to 180 deg."""
     fwhm_px: float
-    """Width across, px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StarList:
-    """Point sources of one frame, brightest first; every array has one entry a star."""
+    """Point sources of one frame, brightest first; every array has one entry for each star."""
 
     x_px: FloatArray
     """Column of the centroid; 0 is the centre of the left pixel."""
@@ -48,9 +47,8 @@ class StarList:
     snr: FloatArray
     is_saturated: BoolArray
     median_fwhm_px: float
-    """Median width of unsaturated stars, px; with fewer than five of them as ``width_source`` says;
-    of trails across."""
-    trail: Trail | None = None
+    """Median width of unsaturated stars, px (fewer than five: ``width_source``); trails: across."""
+    trail: StarTrail | None = None
     """Trail of every star; None where they are points."""
     psf_field: PsfField | None = None
     """Width over the frame; None where it is the median everywhere."""
@@ -87,9 +85,9 @@ class StarList:
 
 
 def lit_radius_px(stars: StarList, noise_adu: float) -> FloatArray:
-    """Radius within which each star adds at least half a sigma to a pixel, px, (n,).
+    """Return the radius, px, (n,), to which each star adds half a sigma or more to a pixel.
 
-    ``noise_adu``: one sigma of a pixel. Of trails, the distance across. At most 40 px.
+    ``noise_adu``: one sigma of a pixel. For trails, the distance across. At most 40 px.
     """
     sigma = np.maximum(stars.fwhm_px, stars.expected_fwhm_px()) / FWHM_PER_SIGMA
     area = 2.0 * np.pi * sigma**2

@@ -8,7 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.frame.bins import mirrored
+from rsoconsole.vision.frame.bins import mirrored_indices
 
 FWHM_PER_SIGMA = 2.3548
 
@@ -33,7 +33,7 @@ class StarMoments:
     """Distance from the brightest pixel to the centroid, px."""
 
 
-def measure(
+def measure_star_moments(
     pixels: PixelArray,
     sky: Background,
     x0_px: IndexArray,
@@ -89,8 +89,8 @@ def _boxes(
     inside = (top >= 0) & (left >= 0) & (top + size <= height) & (left + size <= width)
     if inside.any():
         boxes[inside] = sliding_window_view(pixels, (size, size))[top[inside], left[inside]]
-    ys = mirrored(top[~inside, None] + np.arange(size), height)[:, :, None]
-    xs = mirrored(left[~inside, None] + np.arange(size), width)[:, None, :]
+    ys = mirrored_indices(top[~inside, None] + np.arange(size), height)[:, :, None]
+    xs = mirrored_indices(left[~inside, None] + np.arange(size), width)[:, None, :]
     boxes[~inside] = pixels[ys, xs]
     boxes -= sky.all_at(sky.level, x0_px, y0_px)[:, None, None]
     return boxes, sky.all_at(sky.noise, x0_px, y0_px).astype(np.float64)

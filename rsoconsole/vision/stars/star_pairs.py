@@ -11,12 +11,10 @@ from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import IndexArray
 
 MIN_MATCHED = 6
-"""Fewest matched stars for a plate, and for a comparison."""
 _MAX_OFF = 0.5
 """Largest common shift of all stars, in star widths."""
 _MAX_SCATTER = 0.5
-"""Largest distance of the quartiles of the ratios of light over their median: more is cloud in
-parts."""
+"""Largest distance of the quartiles of the ratios of light over their median."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,10 +14,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background, local_background, resample
-from rsoconsole.vision.frame.bins import FrameBins, bin_frame, binning_of, block_maximum
+from rsoconsole.vision.frame.bins import FrameBins, bin_frame, bin_side_px, block_maximum
 from rsoconsole.vision.stars.psf_field import MIN_STARS, Psf, PsfField, WidthSource, fit_psf_field
 from rsoconsole.vision.stars.star_list import OblongLights, StarList
-from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, StarMoments, measure
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, StarMoments, measure_star_moments
 from rsoconsole.vision.stars.trailed_stars import MAX_OBLONG, trailed_stars
 
 MIN_SNR = 7.0
@@ -26,17 +26,14 @@ STAR_BLOCK_PX = 8
 """Side of the squares whose brightest places are candidates."""
 
 MIN_POINTS, MAX_POINTS = 5, 40
-"""Limits of the number of points on one line: fewer may be chance; among more, a streak's pieces
-are the smaller part."""
+"""Limits of the number of points on one line: of more, a streak's pieces are the smaller part."""
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
 _MAX_ASKED = 16_000
-"""Largest number of places examined for candidates: a warm sensor's hot pixels are many more than
-its stars."""
+"""Largest number of places examined for candidates."""
 _LONE_SIGMA, _SURE_SIGMA = 2.5, 30.0
-"""Limits in sigma for lone pixels: up to the first the three brightest neighbours are noise (1.6
-sigma of 24); below the second the light of an undersampled star beside it is lost in noise, too."""
+"""Limits in sigma of a lone pixel: most for its three brightest neighbours, least for itself."""
 _PROBE_STARS = 150
 _PROBE_HALF_PX = 10
 _PROBE_SIGMA_PX = 2.0
@@ -51,13 +48,11 @@ _MAX_AXIS_RATIO = 1.5
 _SHARPEST, _WIDEST = 0.62, 2.5
 """Limits of a width relative to the stars', beyond which it is no star's."""
 _OBLONG, _ROUND, _OBLONG_SNR, _HALF_FWHM = 1.25, 1.08, 10.0, 2.0
-"""Axis ratio from which a light may be too long for a star, the ratio that noise makes of round
-ones, least signal to noise, and factor from its width to half its length, roughly."""
+"""Axis ratios, too long for a star and of round ones by noise; least SNR; half length by width."""
 _SHAPE_SEEN_SNR, _MAX_RATIO, _RIM_FWHM = 40.0, 2.0, 2.0
 _SATURATED_SHARE = 0.95
 _MIN_TRAILS, _MAX_POINTS, _DRAWN_OUT = 12, 0.5, 1.35
-"""Limits beyond which stars are trails: number of bright pieces of light, share of them that are
-points, and their axis ratio."""
+"""Limits of trails: number of bright pieces, share of them that are points, axis ratio."""
 
 
 def find_stars(
@@ -75,13 +70,13 @@ def find_stars(
 
     Left out are streaks (elongated), cosmic rays and hot pixels (sharper than stars) and blends;
     saturated stars are listed and flagged. Each part of the field gives its brightest, so that no
-    corner goes empty.
+    corner is empty.
 
-    - background, bins: those of the same frame where known already; else they are computed
+    - background, bins: those of the same frame; None: they are computed
     - saturation_adu: level at which the camera saturates
     - expected: width of stars in earlier frames, for a frame with too few stars to measure it
-    - block_px: side of the blocks whose brightest places are candidates, one in three by three
-      blocks
+    - block_px: side of the blocks whose brightest places are candidates; of 3 x 3 blocks at most
+      one
     - may_be_trails: False where drift cannot have drawn out all stars
     """
     if bins is None or block_px not in bins.brightest:
@@ -97,7 +92,7 @@ def find_stars(
     fwhm_px, source = _known_fwhm(probed_px, expected)
     sigma_px = fwhm_px / FWHM_PER_SIGMA
     half_px = max(5, int(np.ceil(4.0 * sigma_px)))
-    found = measure(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
+    found = measure_star_moments(pixels, sky, x_px, y_px, sigma_px=sigma_px, half_px=half_px)
     is_saturated = found.peak_adu >= _SATURATED_SHARE * saturation_adu
     is_star = _is_point(found, is_saturated)
     is_star &= found.shift_px < np.where(is_saturated, half_px, 1.5 + 0.5 * fwhm_px)
@@ -135,7 +130,7 @@ def _candidates(
 
     height, width = pixels.shape
     rows, columns = height // block_px, width // block_px
-    binning = binning_of(block_px) if min(height, width) >= _LARGE_PX else 1
+    binning = bin_side_px(block_px) if min(height, width) >= _LARGE_PX else 1
     if binning > 1:
         brightest = bins.brightest[block_px][:rows, :columns]
     else:
@@ -218,7 +213,9 @@ def _psf_fwhm(
     None where there are fewer than five. The second value: True where most bright lights, hot
     pixels aside, are longer than wide.
     """
-    probe = measure(pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX)
+    probe = measure_star_moments(
+        pixels, sky, x_px, y_px, sigma_px=_PROBE_SIGMA_PX, half_px=_PROBE_HALF_PX
+    )
     is_saturated = probe.peak_adu >= _SATURATED_SHARE * saturation_adu
     is_good = _is_point(probe, is_saturated) & ~is_saturated & (probe.snr > 2 * MIN_SNR)
     is_good = _without_streak(probe, is_good)
@@ -274,15 +271,15 @@ def _without_streak(found: StarMoments, is_good: BoolArray) -> BoolArray:
     good = np.flatnonzero(is_good)
     reach_px = 0.5 * float(np.median(found.fwhm_px[good]))
     is_free = is_good.copy()
-    is_free[good[on_one_line(found.x_px[good], found.y_px[good], reach_px)]] = False
+    is_free[good[is_on_one_line(found.x_px[good], found.y_px[good], reach_px)]] = False
     return is_free
 
 
-def on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> BoolArray:
-    """True for the points, (n,) each, on that line through two of them that holds most points.
+def is_on_one_line(x_px: FloatArray, y_px: FloatArray, reach_px: float) -> BoolArray:
+    """Return True for points, (n,), on the line through two of them that holds most points.
 
-    On the line: within ``reach_px``. All False where the line holds fewer than ``MIN_POINTS`` or no
-    more than half of the points, or where there are more than ``MAX_POINTS``.
+    Points within ``reach_px`` are on the line. All False where it holds fewer than ``MIN_POINTS``
+    or no more than half of the points, or where there are more than ``MAX_POINTS``.
     """
     count = x_px.size
     none = np.zeros(count, dtype=bool)

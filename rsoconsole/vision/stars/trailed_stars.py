@@ -1,6 +1,6 @@
 """Stars drawn out by the telescope's own drift, all to the same trail.
 
-Each bright light is measured as a whole, down to a share of its own brightness: middle, length and
+Each bright light is measured as a whole, out to a fixed share of its brightness: middle, length and
 direction by moments. The trail is the length and direction on which most of the bright lights
 agree. A light with that length and direction is a star; its middle is its place at mid-exposure.
 """
@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import PixelArray
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.frame.bins import mirrored
-from rsoconsole.vision.stars.star_list import OblongLights, StarList, Trail
+from rsoconsole.vision.frame.bins import mirrored_indices
+from rsoconsole.vision.stars.star_list import OblongLights, StarList, StarTrail
 
 MAX_OBLONG = 60
 
@@ -23,8 +23,7 @@ MAX_OBLONG = 60
 HALF_PX = 40
 """Half the side of the box examined about a bright pixel: it holds trails of up to 60 px whole."""
 _LIT_SHARE, _LIT_SIGMA = 0.25, 3.0
-"""Thresholds of lit pixels: as a share of the brightest (smoothed) one, and in sigma of the
-noise."""
+"""Thresholds of lit pixels: share of the brightest (smoothed) one, and sigma of the noise."""
 _BRIGHTEST = 80
 _FEWEST = 8
 _MIN_RATIO = 1.4
@@ -33,8 +32,7 @@ _AGREE_SHARE = 0.5
 _MIN_SNR = 7.0
 _RIM_PX = 2
 _LONG, _LONG_SNR, _MAX_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
-"""Least length in star widths and least signal to noise of a long one, and the axis ratio and
-signal to noise beyond which more counts no further."""
+"""Least length in star widths and SNR of a long one; axis ratio and SNR that count at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +110,7 @@ def _sureness(piece: _Piece) -> float:
     return ratio * min(piece.snr, _SHAPE_SEEN_SNR)
 
 
-def _agreed(pieces: list[_Piece]) -> Trail | None:
+def _agreed(pieces: list[_Piece]) -> StarTrail | None:
     """Length and direction that most of them agree on."""
     long = [each for each in pieces if each.along > _MIN_RATIO * each.across]
     if len(long) < max(_FEWEST, _AGREE_SHARE * len(pieces)):
@@ -122,23 +120,25 @@ def _agreed(pieces: list[_Piece]) -> Trail | None:
     angle = 0.5 * math.degrees(
         math.atan2(float(np.sin(doubled).mean()), float(np.cos(doubled).mean()))
     )
-    alike = [each for each in long if turn_deg(each.angle_deg, angle % 180.0) < _SAME_ANGLE_DEG]
+    alike = [
+        each for each in long if line_angle_deg(each.angle_deg, angle % 180.0) < _SAME_ANGLE_DEG
+    ]
     if len(alike) < max(_FEWEST, _AGREE_SHARE * len(pieces)):
         return None
     along = float(np.median([each.along for each in alike]))
     across = float(np.median([each.across for each in alike]))
-    return Trail(
+    return StarTrail(
         length_px=math.sqrt(12.0 * max(along**2 - across**2, 0.0)),
         angle_deg=angle % 180.0,
         fwhm_px=2.3548 * across,
     )
 
 
-def _is_of(piece: _Piece, trail: Trail) -> bool:
+def _is_of(piece: _Piece, trail: StarTrail) -> bool:
     is_long = abs(piece.length_px - trail.length_px) < _SAME_LENGTH * trail.length_px + 1.0
     # A short trail's direction is known the worse.
     leeway_deg = _SAME_ANGLE_DEG + math.degrees(trail.fwhm_px / 4.0 / max(trail.length_px, 1.0))
-    return is_long and turn_deg(piece.angle_deg, trail.angle_deg) < leeway_deg
+    return is_long and line_angle_deg(piece.angle_deg, trail.angle_deg) < leeway_deg
 
 
 def _piece(
@@ -147,8 +147,8 @@ def _piece(
     """Measure the light connected with one bright pixel."""
     import cv2
 
-    ys = mirrored(np.arange(y0 - HALF_PX, y0 + HALF_PX + 1), pixels.shape[0])
-    xs = mirrored(np.arange(x0 - HALF_PX, x0 + HALF_PX + 1), pixels.shape[1])
+    ys = mirrored_indices(np.arange(y0 - HALF_PX, y0 + HALF_PX + 1), pixels.shape[0])
+    xs = mirrored_indices(np.arange(x0 - HALF_PX, x0 + HALF_PX + 1), pixels.shape[1])
     box = pixels[np.ix_(ys, xs)].astype(np.float32)
     if float(box[HALF_PX, HALF_PX]) > 0.95 * saturation_adu:
         return None

@@ -22,16 +22,14 @@ _LIT = 0.5
 _CLEAR_PX = 1.5
 """Distance beyond a star's own light from which light is the streak's, px."""
 _WING = 1
-"""Number of bins beside a masked star that its wings light, a bright one's as brightly as a
-streak."""
+"""Number of bins beside a masked star that its wings light."""
 _AT_PX = 0.5
 _SURE = 2.0
 """Sigmas of the mean light that separate lit from dark."""
 _KNOWN_PX = 0.7
 """One sigma of an end read off the light alone, px."""
 _MIN_LEVEL, _SURE_LEVEL = 3.0, 6.0
-"""Levels of the streak over the noise of a bin: below the first, bins show nothing; above the
-second, one is enough."""
+"""Levels over a bin's noise: least to show anything, and from which one bin is enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,10 +45,10 @@ class _Profile:
     """True where more than half of the line's core is masked."""
 
 
-def with_hidden_ends(
+def with_masked_ends_moved(
     cutout: Cutout, axes: tuple[FloatArray, FloatArray], fit: LineFit, is_used: BoolArray
 ) -> LineFit:
-    """Move the ends of a fit that lie behind masked pixels to where they may be.
+    """Move ends of a fit that lie behind masked pixels to their estimated places.
 
     - axes: u along and v across for every pixel of the cutout, (h, w) each
     - is_used: pixels that the fit used, (h, w)

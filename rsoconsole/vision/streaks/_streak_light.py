@@ -34,8 +34,7 @@ _LEFT = 0.7
 _CORE, _GAP, _SIDE_PX = 1.0, 1.6, 6
 """Half width of the summed core and distance of the sky beside it, in widths; rows of that sky."""
 _STAR_FOLD = 4.0
-"""Ratio of light to the 84th percentile, both above the median, from which it is a star in the
-way."""
+"""Ratio of light to the 84th percentile, both above the median, that makes a star."""
 _TREND = 4
 """Degree of the polynomial by which slow changes are subtracted."""
 _PHASES = 8
@@ -62,14 +61,12 @@ class StreakLight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fading:
-    """How gradually the light along a streak begins and ends, beyond the blur of a sharp cut."""
+    """Lengths over which a streak's light rises and falls at its ends, without the blur."""
 
     shorter_px: float
-    """Length at the end where it is shorter, px, from a fifth to seven tenths of the level between
-    them."""
+    """Length at the end where it is shorter, px: from 0.2 to 0.7 of the level between them."""
     longer_px: float
     length_px: float
-    """Length from where the light begins to where it ends, px."""
     gap_share: float = 0.0
     """Share of the length between the first and the last full light that is dark."""
 
@@ -79,7 +76,6 @@ class Modulation:
     """Regular rise and fall of the light along a streak: flashes, or a tumbling body."""
 
     periods: float
-    """Number of periods along the streak."""
     period_px: float
     depth: float
     """(most - least) / (most + least) of the mean period, 0 to 1, with the blur in it."""
@@ -133,8 +129,8 @@ def light_along(
 def fading_of(pixels: PixelArray, sky: Background, ends: Ends, width_px: float) -> Fading | None:
     """Measure how gradually the light begins and ends; None where noise would hide it.
 
-    The line is examined a third of its length further than ``ends`` on either side, since dying
-    light lies partly beyond them. The light is smoothed until its noise is a tenth of its level.
+    The line is examined beyond either of its ``ends`` by a third of its length, since fading light
+    lies partly there. The light is smoothed until its noise is a tenth of its level.
     """
     along = light_along(pixels, sky, _lengthened(ends, _BEYOND), width_px)
     if along is None:
@@ -179,11 +175,11 @@ def _lengthened(ends: Ends, share: float) -> Ends:
 def modulation_of(along: StreakLight) -> Modulation | None:
     """Find the regular pulse of the light; None where noise explains the highest peak.
 
-    The highest peak of the periodogram of the light less a slow trend, normalised by the variance
-    of the data, with its false alarm probability: Zechmeister & Kuerster 2009 (A&A 496, 577). The
-    grid is even, so that the sums are a discrete Fourier transform. Columns within the blur of each
-    other count as one sample. The peak must stand above its neighbours as well: clouds and stars
-    put power into all of them.
+    The peak is that of the periodogram of the light without its slow trend, normalised by the
+    variance of the data, with its false alarm probability: Zechmeister & Kuerster 2009 (A&A 496,
+    577). The grid is even, so that the sums are a discrete Fourier transform. Columns within the
+    blur of each other count as one sample. The peak must also exceed its neighbours, since clouds
+    and stars put power into all of them.
     """
     light = _without_stars(along.light_adu)
     count, mean = light.size, along.mean_adu

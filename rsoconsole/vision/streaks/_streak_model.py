@@ -1,8 +1,8 @@
-"""A straight streak as a blurred line with two ends, and its least-squares fit to raw pixels.
+"""A straight streak as a blurred line with two ends, and its fit to raw pixels.
 
-Model: amplitude(u) x Gaussian across x box along, the box's edges blurred by the same Gaussian
-(an error function). The amplitude may change along the streak on a few knots, so that cloud,
-glint and tumbling move neither end. All that is uncertain enters the covariance.
+Model: amplitude(u) x Gaussian across x box along, the box's edges blurred by the same Gaussian (an
+error function). The amplitude may change along the streak on a few knots, so that cloud, glint and
+tumbling move neither end. The covariance contains the uncertainty of all parameters.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ _SHAPE = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pixels:
-    """Pixels about one streak, arrays (n,), in its own axes by a first guess.
+class StreakPixels:
+    """Pixels about one streak, arrays (n,), in axes along and across a first guess of it.
 
     u runs along the streak, v across it, px.
     """
@@ -36,7 +36,7 @@ class Pixels:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Line:
+class StreakModel:
     """Parameters of the model of a streak; an end outside the frame is None."""
 
     u_a: float | None
@@ -56,7 +56,7 @@ class Line:
 class LineFit:
     """Line fitted to pixels, with its covariance."""
 
-    line: Line
+    line: StreakModel
     covariance: FloatArray
     """(4, 4) of u_a, u_b, offset, slope; rows of an end outside the frame are 0."""
     excess: float
@@ -68,7 +68,7 @@ class LineFit:
 
 
 def fit_line(
-    pixels: Pixels, start: Line, psf_sigma: float, *, excess: float = 0.0
+    pixels: StreakPixels, start: StreakModel, psf_sigma: float, *, excess: float = 0.0
 ) -> LineFit | None:
     """Fit a line by Levenberg-Marquardt from ``start``; None when it diverges or becomes singular.
 
@@ -109,17 +109,17 @@ def fit_line(
     return _finish(pixels, parameters, start, normal=normal, free=free)
 
 
-def light_of(pixels: Pixels, line: Line) -> FloatArray:
-    """Light of the line in every pixel, (n,), ADU, without its sky term."""
+def model_light_adu(pixels: StreakPixels, line: StreakModel) -> FloatArray:
+    """Return the light of the line in every pixel, (n,), ADU, without its sky term."""
     value, _ = _evaluate(pixels, _pack(line), line, _hats(pixels.u, line))
     return value - line.sky
 
 
-def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
-    """Variance of a pixel per ADU of the streak's light, from the residuals; never negative.
+def source_variance_per_adu(pixels: StreakPixels, line: StreakModel, model: FloatArray) -> float:
+    """Return a pixel's variance per ADU of the streak's light, by the residuals; 0 or more.
 
-    ``model``: the line's light in every pixel, ADU. Residuals beyond four sigma are cut back, since
-    light of other sources is no noise.
+    ``model``: the line's light in every pixel, ADU. Residuals are limited to four sigma, since
+    light of other sources is not noise.
     """
     source = np.maximum(model, 0.0)
     total = float(source @ source)
@@ -132,12 +132,12 @@ def source_noise(pixels: Pixels, line: Line, model: FloatArray) -> float:
     return excess
 
 
-def with_knots(line: Line, count: int) -> Line:
+def with_amplitude_knots(line: StreakModel, count: int) -> StreakModel:
     """Return the line with its amplitude interpolated to ``count`` knots."""
     low, high = line.knot_range
     old = np.linspace(low, high, len(line.amplitudes))
     new = np.interp(np.linspace(low, high, count), old, line.amplitudes)
-    return Line(
+    return StreakModel(
         u_a=line.u_a,
         u_b=line.u_b,
         offset=line.offset,
@@ -149,7 +149,7 @@ def with_knots(line: Line, count: int) -> Line:
     )
 
 
-def _pack(line: Line) -> FloatArray:
+def _pack(line: StreakModel) -> FloatArray:
     low, high = line.knot_range
     head = [
         low if line.u_a is None else line.u_a,
@@ -162,7 +162,7 @@ def _pack(line: Line) -> FloatArray:
 
 
 def _evaluate(
-    pixels: Pixels, p: FloatArray, start: Line, hats: FloatArray
+    pixels: StreakPixels, p: FloatArray, start: StreakModel, hats: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Model values (n,) and their derivatives (parameters, n)."""
     from scipy.special import erf
@@ -197,7 +197,7 @@ def _evaluate(
     return body + p[-1], jacobian
 
 
-def _hats(u: FloatArray, line: Line) -> FloatArray:
+def _hats(u: FloatArray, line: StreakModel) -> FloatArray:
     """Linear interpolation weights (count, n); beyond the range the last knot holds."""
     count, (low, high) = len(line.amplitudes), line.knot_range
     if count == 1:
@@ -206,15 +206,15 @@ def _hats(u: FloatArray, line: Line) -> FloatArray:
     return np.maximum(0.0, 1.0 - np.abs(place - np.arange(count)[:, None]))
 
 
-def _weights(pixels: Pixels, line: Line, excess: float) -> FloatArray:
+def _weights(pixels: StreakPixels, line: StreakModel, excess: float) -> FloatArray:
     variance = np.full(pixels.u.size, pixels.noise**2)
     if excess > 0:
-        model = light_of(pixels, line)
+        model = model_light_adu(pixels, line)
         variance += excess * np.maximum(model, 0.0)
     return 1.0 / variance
 
 
-def _priors(start: Line, psf_sigma: float, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _priors(start: StreakModel, psf_sigma: float, p: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Derivatives and residuals of the priors, in sigmas."""
     count = len(start.amplitudes)
     jacobian = np.zeros((count, p.size))
@@ -236,7 +236,7 @@ def _solve(matrix: FloatArray, vector: FloatArray, free: BoolArray) -> FloatArra
     return step if np.all(np.isfinite(step)) else None
 
 
-def _bounded(p: FloatArray, start: Line, psf_sigma: float) -> FloatArray:
+def _bounded(p: FloatArray, start: StreakModel, psf_sigma: float) -> FloatArray:
     p = p.copy()
     p[4] = float(np.clip(p[4], 0.25 * psf_sigma, 6.0 * psf_sigma))
     if start.u_a is not None and start.u_b is not None and p[1] - p[0] < 1.0:
@@ -246,7 +246,7 @@ def _bounded(p: FloatArray, start: Line, psf_sigma: float) -> FloatArray:
 
 
 def _finish(
-    pixels: Pixels, p: FloatArray, start: Line, *, normal: FloatArray, free: BoolArray
+    pixels: StreakPixels, p: FloatArray, start: StreakModel, *, normal: FloatArray, free: BoolArray
 ) -> LineFit | None:
     try:
         inverse = np.linalg.inv(normal[np.ix_(free, free)])
@@ -257,7 +257,7 @@ def _finish(
     covariance = np.zeros((p.size, p.size))
     covariance[np.ix_(free, free)] = inverse
     value, _ = _evaluate(pixels, p, start, _hats(pixels.u, start))
-    line = Line(
+    line = StreakModel(
         u_a=None if start.u_a is None else float(p[0]),
         u_b=None if start.u_b is None else float(p[1]),
         offset=float(p[2]),
@@ -271,6 +271,6 @@ def _finish(
     return LineFit(
         line=line,
         covariance=covariance[:4, :4],
-        excess=source_noise(pixels, line, model),
+        excess=source_variance_per_adu(pixels, line, model),
         model=model,
     )

@@ -6,16 +6,16 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import BoolArray
-from rsoconsole.vision.lines.streak_search import Cutout, LitStretch
+from rsoconsole.vision.lines.streak_search import Cutout, LitPart
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.streaks._streak_hidden import with_hidden_ends
+from rsoconsole.vision.streaks._streak_hidden import with_masked_ends_moved
 from rsoconsole.vision.streaks._streak_model import (
-    Line,
     LineFit,
-    Pixels,
+    StreakModel,
+    StreakPixels,
     fit_line,
-    light_of,
-    with_knots,
+    model_light_adu,
+    with_amplitude_knots,
 )
 
 Axes = tuple[FloatArray, FloatArray]
@@ -33,19 +33,19 @@ _CHI2_OF_A_STAR = 12.0
 
 
 def fit_robustly(
-    cutout: Cutout, axes: Axes, start: Line, stretch: LitStretch, psf_sigma: float
+    cutout: Cutout, axes: Axes, start: StreakModel, stretch: LitPart, psf_sigma: float
 ) -> LineFit | None:
     """Fit the line after masking the light of other sources; None where the fit fails.
 
-    ``start``: line by a first guess; ``stretch``: what of it is lit; ``psf_sigma``: of stars, px.
-    The amplitude varies along the line only where the light asks for it.
+    ``start``: first guess of the line; ``stretch``: its lit part; ``psf_sigma``: of stars, px. The
+    amplitude varies along the line only where that fits the light clearly better.
     """
     u, v = axes
     low, high = start.knot_range
     reach = 6.0 * psf_sigma + 10.0
     strip = (np.abs(v) < 5.0 * psf_sigma + 2.0) & (u > low - reach) & (u < high + reach)
     is_used = strip & cutout.is_good & ~_in_the_way(cutout, axes, stretch, psf_sigma)
-    line, excess = with_knots(start, _knots(stretch, psf_sigma)), 0.0
+    line, excess = with_amplitude_knots(start, _knots(stretch, psf_sigma)), 0.0
     for _ in range(_REFITS):
         data = _pixels(cutout, u, v, is_used)
         fit = fit_line(data, line, psf_sigma, excess=excess)
@@ -58,27 +58,27 @@ def fit_robustly(
         is_used &= ~is_outlier
     data = _pixels(cutout, u, v, is_used)
     best = fit_line(data, line, psf_sigma, excess=excess)
-    steady = fit_line(data, with_knots(line, 1), psf_sigma, excess=excess)
+    steady = fit_line(data, with_amplitude_knots(line, 1), psf_sigma, excess=excess)
     if best is not None and steady is not None:
         spared = _CHI2_PER_KNOT * (len(line.amplitudes) - 1)
         is_steady = _chi2(data, steady, excess) - _chi2(data, best, excess) <= spared
         best = steady if is_steady else best
     chosen = best or steady
-    return None if chosen is None else with_hidden_ends(cutout, axes, chosen, is_used)
+    return None if chosen is None else with_masked_ends_moved(cutout, axes, chosen, is_used)
 
 
 def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
-    """Share of the length where the light differs from the fit by more than half of it.
+    """Return the share of the length where light and fit differ by more than half of the fit.
 
-    High for stars in a row, which are uneven all along; a satellite's streak is so only where it
-    meets a star.
+    It is high for stars in a row, whose light is uneven everywhere; a satellite's streak differs
+    only where it meets a star.
     """
     line, (u, v) = fit.line, axes
     low = line.knot_range[0] if line.u_a is None else line.u_a
     high = line.knot_range[1] if line.u_b is None else line.u_b
     core = (np.abs(v - line.offset - line.slope * u) < 1.2 * line.sigma) & (u > low) & (u < high)
     data = _pixels(cutout, u, v, core)
-    model = light_of(data, line)
+    model = model_light_adu(data, line)
     bins = ((data.u - low) / _EVEN_PX).astype(int)
     count = np.maximum(np.bincount(bins), 1)
     light = np.bincount(bins, model) / count
@@ -88,11 +88,11 @@ def uneven_share(cutout: Cutout, axes: Axes, fit: LineFit) -> float:
 
 
 def without_star_beyond_end(
-    cutout: Cutout, axes: Axes, start: Line, stretch: LitStretch, fit: LineFit
+    cutout: Cutout, axes: Axes, start: StreakModel, stretch: LitPart, fit: LineFit
 ) -> LineFit:
-    """Return the fit, or a shorter one without a star beyond a dark gap, if that is likelier.
+    """Return the fit, or if likelier one that leaves out a star beyond a dark gap.
 
-    ``start`` and ``stretch`` as in ``fit_robustly``.
+    ``start`` and ``stretch``: first guess of the line, and its lit part.
     """
     for side, dark_u in enumerate(stretch.dark_u):
         if dark_u is None or (start.u_a if side == 0 else start.u_b) is None:
@@ -109,9 +109,12 @@ def without_star_beyond_end(
         strip &= (np.abs(u - dark_u) < 20.0 + 4.0 * start.sigma) | beyond
         strip &= (u > stretch.u_a - 12.0) & (u < stretch.u_b + 12.0)
         data = _pixels(cutout, u, v, strip)
-        sigma = np.sqrt(data.noise**2 + fit.excess * np.maximum(light_of(data, fit.line), 0.0))
+        sigma = np.sqrt(
+            data.noise**2 + fit.excess * np.maximum(model_light_adu(data, fit.line), 0.0)
+        )
         long, short = (
-            (data.value - one.line.sky - light_of(data, one.line)) / sigma for one in (fit, other)
+            (data.value - one.line.sky - model_light_adu(data, one.line)) / sigma
+            for one in (fit, other)
         )
         star = _brightest_point(cutout, strip, short, start.sigma, beyond) ** 2
         if float(short @ short) - star + _CHI2_OF_A_STAR < float(long @ long):
@@ -131,7 +134,7 @@ def _brightest_point(
     return float(np.max(smooth[strip & where], initial=0.0))
 
 
-def _knots(stretch: LitStretch, psf_sigma: float) -> int:
+def _knots(stretch: LitPart, psf_sigma: float) -> int:
     """Numbers of knots, by how well the streak's brightness determines a change along it."""
     length = stretch.u_b - stretch.u_a
     for count, least_snr in _KNOTS:
@@ -140,18 +143,18 @@ def _knots(stretch: LitStretch, psf_sigma: float) -> int:
     return 1
 
 
-def _pixels(cutout: Cutout, u: FloatArray, v: FloatArray, is_used: BoolArray) -> Pixels:
-    return Pixels(
+def _pixels(cutout: Cutout, u: FloatArray, v: FloatArray, is_used: BoolArray) -> StreakPixels:
+    return StreakPixels(
         u=u[is_used], v=v[is_used], value=cutout.values[is_used], noise=max(cutout.noise, 1e-9)
     )
 
 
-def _chi2(data: Pixels, fit: LineFit, excess: float) -> float:
+def _chi2(data: StreakPixels, fit: LineFit, excess: float) -> float:
     variance = data.noise**2 + excess * np.maximum(fit.model, 0.0)
     return float(np.sum((data.value - fit.line.sky - fit.model) ** 2 / variance))
 
 
-def _in_the_way(cutout: Cutout, axes: Axes, stretch: LitStretch, psf_sigma: float) -> BoolArray:
+def _in_the_way(cutout: Cutout, axes: Axes, stretch: LitPart, psf_sigma: float) -> BoolArray:
     """Pixels near light far above the streak's possible level there; (h, w)."""
     import cv2
 
@@ -177,7 +180,7 @@ def _calm(amplitudes: tuple[float, ...]) -> FloatArray:
     return np.asarray(np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0))
 
 
-def _outliers(cutout: Cutout, is_used: BoolArray, data: Pixels, fit: LineFit) -> BoolArray:
+def _outliers(cutout: Cutout, is_used: BoolArray, data: StreakPixels, fit: LineFit) -> BoolArray:
     """Pixels near light that the line does not explain: stars, cosmic rays, hot pixels; (h, w)."""
     import cv2
 

@@ -44,8 +44,7 @@ COMPARISON_LIKELIHOODS: dict[Comparison, Likelihood] = {
 }
 """Likelihood of a comparison's outcome for each class, over that of the likeliest one."""
 SATELLITE_FROM, OTHERS_FROM = 0.5, 2.0 / 3.0
-"""Least probability to name a satellite, and to name another class: more is needed for those that
-start no track."""
+"""Least probability to name a satellite, and to name another class."""
 
 _SAME_WIDTH = 0.06
 """Relative scatter of a line's width against one star's beside it."""
@@ -72,10 +71,11 @@ _UNEVEN = 0.3, 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
-    """Measurements of a streak in one frame that bear on its class.
+class ClassEvidence:
+    """Measurements of a streak in one frame that are evidence of its class.
 
-    None where unknown; ``unevenness`` 0 and ``spoken_against`` "" where there is nothing.
+    None: unknown. ``unevenness`` is 0 for an even streak; ``spoken_against`` is "" for one that was
+    not rejected.
     """
 
     kind: StreakKind
@@ -112,10 +112,10 @@ class Evidence:
 
 
 def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
-    """Return the likeliest class and its probability, or "undetermined" with that of all others.
+    """Return the likeliest class and its probability p, or "undetermined" and 1 - p.
 
-    "undetermined" where the likeliest does not exceed ``SATELLITE_FROM`` or ``OTHERS_FROM``; its
-    figure is 1 minus the probability of the likeliest.
+    "undetermined" where the probability does not exceed ``SATELLITE_FROM`` for a satellite, or
+    ``OTHERS_FROM`` for another class.
     """
     best = max(shares, key=lambda name: shares[name])
     asked = SATELLITE_FROM if best == "satellite" else OTHERS_FROM
@@ -124,8 +124,8 @@ def most_likely_class(shares: Likelihood) -> tuple[ObjectClass, float]:
     return "undetermined", 1.0 - shares[best]
 
 
-def probabilities(evidence: Evidence) -> Likelihood:
-    """Probability of each class by the evidence of one frame; they add up to 1."""
+def probabilities_from_evidence(evidence: ClassEvidence) -> Likelihood:
+    """Return the probability of each class by the evidence of one frame; they add up to 1."""
     parts = (_by_width, _by_ends, _by_gaps, _by_pulse, _by_speed, _by_stars, _by_evenness, _by_gate)
     shares = dict(PRIOR)
     for part in parts:
@@ -134,7 +134,7 @@ def probabilities(evidence: Evidence) -> Likelihood:
 
 
 def update_probabilities(shares: Likelihood, comparison: Comparison) -> Likelihood:
-    """Return the probabilities of the classes after a comparison with this outcome."""
+    """Return the class probabilities after a comparison with this outcome, by Bayes' rule."""
     return _normalised(_times(shares, COMPARISON_LIKELIHOODS[comparison]))
 
 
@@ -147,7 +147,7 @@ def _normalised(shares: Likelihood) -> Likelihood:
     return {name: share / whole for name, share in shares.items()}
 
 
-def _by_width(e: Evidence) -> Likelihood:
+def _by_width(e: ClassEvidence) -> Likelihood:
     """Likelihood by its width over the stars', with the errors that the stars themselves show."""
     if not (e.width_px > 0.0 and e.star_fwhm_px > 0.0 and e.snr > 0.0):
         return {}
@@ -169,7 +169,7 @@ def _by_width(e: Evidence) -> Likelihood:
 
 
 def _out_of_focus(
-    e: Evidence, distances_km: tuple[float, ...], as_wide: Callable[[float], float]
+    e: ClassEvidence, distances_km: tuple[float, ...], as_wide: Callable[[float], float]
 ) -> float:
     """Mean density over the possible distances.
 
@@ -187,7 +187,7 @@ def _out_of_focus(
     return total / len(distances_km)
 
 
-def _by_ends(e: Evidence) -> Likelihood:
+def _by_ends(e: ClassEvidence) -> Likelihood:
     """Likelihood by its ends: a meteor's grow and die, a satellite's are cut.
 
     The shutter cuts them, or at one end the Earth's shadow.
@@ -211,14 +211,14 @@ def _by_ends(e: Evidence) -> Likelihood:
     }
 
 
-def _by_gaps(e: Evidence) -> Likelihood:
+def _by_gaps(e: ClassEvidence) -> Likelihood:
     """Likelihood by gaps: dark between bright without a rhythm means stars in a row."""
     if e.fading is None or e.modulation is not None or e.fading.gap_share < 0.15:
         return {}
     return {"satellite": 0.08, "aircraft": 0.3, "meteor": 0.1, "cosmic ray": 0.6}
 
 
-def _by_pulse(e: Evidence) -> Likelihood:
+def _by_pulse(e: ClassEvidence) -> Likelihood:
     """Likelihood by pulse: strobes are regular and short, a satellite's facets slow and smooth."""
     pulse = e.modulation
     if pulse is None:
@@ -246,7 +246,7 @@ def _by_pulse(e: Evidence) -> Likelihood:
     return likely
 
 
-def _by_speed(e: Evidence) -> Likelihood:
+def _by_speed(e: ClassEvidence) -> Likelihood:
     """Likelihood by speed in degrees a second, and by the length in degrees of a meteor's path."""
     rate = e.rate_deg_s
     if not rate or e.scale_arcsec_px is None:
@@ -260,7 +260,7 @@ def _by_speed(e: Evidence) -> Likelihood:
     return likely
 
 
-def _by_stars(e: Evidence) -> Likelihood:
+def _by_stars(e: ClassEvidence) -> Likelihood:
     """Likelihood by the share of its light that separately detected stars have."""
     if e.star_share is None:
         return {}
@@ -273,7 +273,7 @@ def _by_stars(e: Evidence) -> Likelihood:
     return {"satellite": 0.08, "aircraft": 0.25, "meteor": 0.08, "cosmic ray": 0.08}
 
 
-def _by_evenness(e: Evidence) -> Likelihood:
+def _by_evenness(e: ClassEvidence) -> Likelihood:
     """Likelihood by evenness: a ray loses its charge in lumps; 116 of 135 examined were uneven."""
     if e.length_px > _RAY_FWHM * max(e.star_fwhm_px, 1.0):
         return {"cosmic ray": 0.2}
@@ -288,7 +288,7 @@ def _by_evenness(e: Evidence) -> Likelihood:
     }
 
 
-def _by_gate(e: Evidence) -> Likelihood:
+def _by_gate(e: ClassEvidence) -> Likelihood:
     """Likelihood by the reason for which the detector rejected it."""
     against: dict[str, Likelihood] = {
         "trailed stars": {"star chain": 50.0},

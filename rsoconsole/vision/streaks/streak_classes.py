@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.segments import Ends
 from rsoconsole.vision.stars.star_list import StarList
@@ -19,17 +19,16 @@ from rsoconsole.vision.streaks._streak_light import (
     modulation_of,
 )
 from rsoconsole.vision.streaks.class_probabilities import (
-    Evidence,
+    ClassEvidence,
     Likelihood,
     most_likely_class,
-    probabilities,
+    probabilities_from_evidence,
 )
 
 MIN_CUT, MIN_WHOLE = 2, 3
 """Fewest lines of a train: 2 where the frame cuts at least two of them, 3 elsewhere."""
 SLOWEST_DEG_S = 0.05
-"""Least rate of a whole train, deg/s: slower ones are neighbours in a slot, which run alike for
-ever."""
+"""Least rate of a whole train, deg/s: slower ones are neighbours in a slot."""
 _PARALLEL_DEG, _SIGMAS = 1.0, 4.0
 _SAME_LENGTH = 0.15
 _LIGHTS_APART = 0.5
@@ -37,10 +36,10 @@ _LIGHTS_APART = 0.5
 _TRAIN = ("satellite", "undetermined")
 
 
-def with_neighbours(
+def corrected_by_neighbours(
     streaks: Sequence[Detection], deg_s_per_px: float | None = None
 ) -> list[Detection]:
-    """Correct class and train of the streaks by the others of the frame.
+    """Correct the class and train of each streak by the other streaks of the frame.
 
     - A streak near an aircraft and parallel to it is another of its lights.
     - Parallel streaks that may be satellites are a train. Streaks with both ends in the frame count
@@ -85,7 +84,7 @@ def _train(one: Detection, streaks: Sequence[Detection]) -> int:
 def _is_parallel(one: Detection, other: Detection) -> bool:
     """True where they run alike, as far as both directions are known."""
     error = math.hypot(one.sigma_angle_deg or 0.0, other.sigma_angle_deg or 0.0)
-    return turn_deg(one.angle_deg, other.angle_deg) < _PARALLEL_DEG + _SIGMAS * error
+    return line_angle_deg(one.angle_deg, other.angle_deg) < _PARALLEL_DEG + _SIGMAS * error
 
 
 def _is_as_long(one: Detection, other: Detection) -> bool:
@@ -124,14 +123,15 @@ def classify_streaks(
     """Give the streaks of a frame their class, pulse and train; order is kept.
 
     Returns the detections, the rejections, and the probabilities of all classes by streak (before
-    the correction by neighbours). Streaks drawn by the operator or without a width keep their
-    class. Raises nothing: a streak that cannot be examined stays as it is, without probabilities.
+    the correction by neighbours). Streaks drawn by the operator, and those without a width, keep
+    their class. A streak whose examination fails stays as it is, without probabilities; nothing is
+    raised.
     """
     per_px = None
     if frame.scale_arcsec_px is not None and frame.exposure_s:
         per_px = frame.scale_arcsec_px / 3600.0 / frame.exposure_s
     named = [_named(frame, sky, stars, each) for each in detections]
-    found = with_neighbours([streak for streak, _ in named], per_px)
+    found = corrected_by_neighbours([streak for streak, _ in named], per_px)
     rejected = list(rejected)
     doubted = [_named(frame, sky, stars, each.detection, each) for each in rejected]
     others = [
@@ -170,7 +170,7 @@ def _looked_at(
     ends = (streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px)
     light = light_along(frame.pixels, sky, ends, streak.width_px)
     pulse = None if light is None else modulation_of(light)
-    evidence = Evidence(
+    evidence = ClassEvidence(
         kind=streak.kind,
         length_px=streak.length_px,
         width_px=streak.width_px,
@@ -187,7 +187,7 @@ def _looked_at(
         star_share=None if light is None else _star_share(stars, ends, light),
         spoken_against=against,
     )
-    shares = probabilities(evidence)
+    shares = probabilities_from_evidence(evidence)
     name, probability = most_likely_class(shares)
     period_s = None
     if (

@@ -25,13 +25,15 @@ _STANDS_ALONE = 0.7
 """Share of the columns that are independent after the smoothing."""
 
 
-def unevenness(cutout: Cutout, ends: Ends, psf_sigma: float, snr: float) -> tuple[float, float]:
-    """Measure how unevenly the light of a line runs, and how much its path bends: two figures.
+def lumpiness_and_bend(
+    cutout: Cutout, ends: Ends, psf_sigma: float, snr: float
+) -> tuple[float, float]:
+    """Measure the lumpiness of a line's light and the bend of its path; return both.
 
-    Each is the natural logarithm of a variance along the line over that expected from noise and
-    air, 0 where these explain all, and where too little of the line is in the frame. ``ends`` (x_a,
-    y_a, x_b, y_b) in raw pixels, ``snr`` of the whole line. Parts touched by masked stars are left
-    out, unless they are most of the line.
+    Each is the natural logarithm of a variance along the line over the variance expected from noise
+    and air; 0 where these explain it, and where too little of the line is in the frame. ``ends``
+    (x_a, y_a, x_b, y_b) in raw pixels, ``snr`` of the whole line. Parts touched by masked stars are
+    left out, unless they are most of the line.
 
     Of 135 pieces of cosmic rays in the calibration split 116 came above 0.5, of 31 satellites as
     short none, and of 1,200 even lines drawn at 2, 5 and 30 sigma a pixel one.

@@ -16,22 +16,22 @@ from rsoconsole.vision.lines.segments import Box, Ends, box_about
 from rsoconsole.vision.lines.streak_search import (
     Cutout,
     LineGuess,
-    LitStretch,
+    LitPart,
     cut_out,
     find_ends,
     find_line,
 )
 from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
-from rsoconsole.vision.streaks._streak_model import Line, LineFit
+from rsoconsole.vision.streaks._streak_model import LineFit, StreakModel
 from rsoconsole.vision.streaks._streak_robust import (
     Axes,
     fit_robustly,
     uneven_share,
     without_star_beyond_end,
 )
-from rsoconsole.vision.streaks.streak_evenness import unevenness
-from rsoconsole.vision.streaks.streak_glance import goes_on_beyond, is_broken
+from rsoconsole.vision.streaks.streak_evenness import lumpiness_and_bend
+from rsoconsole.vision.streaks.streak_glance import continues_beyond_end, is_broken_line
 
 MIN_SNR = 7.0
 MARGIN_PX = 16.0
@@ -76,8 +76,7 @@ class StreakFit:
     snr: float
     """Matched signal to noise of the whole streak."""
     sigma_along_px: float
-    """One sigma of the midpoint along, px; large where clipped, as nothing is known along it
-    then."""
+    """One sigma of the midpoint along, px; large where clipped."""
     sigma_across_px: float
     is_clipped: bool
     is_crossing: bool = False
@@ -95,7 +94,7 @@ class StreakFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoStreak:
-    """Reason why a proposal is no streak, with the measurement, if there is one."""
+    """Rejection of a proposal as no streak: the reason, and the measurement if there is one."""
 
     reason: NotAStreak
     fit: StreakFit | None = None
@@ -139,7 +138,9 @@ def fit_streak(
         further = _extended(fit, goes_on)
         again = measured(box_about(further, box), further)
         # Light parted from this by a gap is another's.
-        if isinstance(again, StreakFit) and not is_broken(pixels, sky, _ends_of(again), psf_sigma):
+        if isinstance(again, StreakFit) and not is_broken_line(
+            pixels, sky, _ends_of(again), psf_sigma
+        ):
             if any(_goes_on(pixels, sky, again, psf_sigma)):
                 return NoStreak(reason=NotAStreak(kind="longer trail"), fit=again)
             fit = again
@@ -154,11 +155,11 @@ def _seen_again(
     reason = None
     if fit.length_px < AS_CHAINS_FWHM * fwhm:
         cutout = cut_out(pixels, sky, box_about(ends), MARGIN_PX, stars)
-        lumpiness, bend = unevenness(cutout, ends, psf_sigma, fit.snr)
+        lumpiness, bend = lumpiness_and_bend(cutout, ends, psf_sigma, fit.snr)
         fit = replace(fit, bend=bend, lumpiness=lumpiness)
     if fit.unevenness > MAX_UNEVEN:
         reason = NotAStreak(kind="patchy")
-    elif fit.snr < _FAINT_SNR and is_broken(pixels, sky, ends, psf_sigma):
+    elif fit.snr < _FAINT_SNR and is_broken_line(pixels, sky, ends, psf_sigma):
         reason = NotAStreak(kind="dark in between")
     return fit if reason is None else NoStreak(reason=reason, fit=fit)
 
@@ -169,8 +170,8 @@ def _goes_on(
     """True at each end where there is light beyond it like that between both."""
     x_a, y_a, x_b, y_b = _ends_of(fit)
     return (
-        goes_on_beyond(pixels, sky, (x_b, y_b, x_a, y_a), psf_sigma),
-        goes_on_beyond(pixels, sky, (x_a, y_a, x_b, y_b), psf_sigma),
+        continues_beyond_end(pixels, sky, (x_b, y_b, x_a, y_a), psf_sigma),
+        continues_beyond_end(pixels, sky, (x_a, y_a, x_b, y_b), psf_sigma),
     )
 
 
@@ -206,7 +207,7 @@ def _fit_once(
     cutout, guess, stretch = looked
     is_clipped_a = _leaves_frame(cutout, guess, stretch.u_a, 1.5 * fwhm)
     is_clipped_b = _leaves_frame(cutout, guess, stretch.u_b, 1.5 * fwhm)
-    start = Line(
+    start = StreakModel(
         u_a=None if is_clipped_a else stretch.u_a,
         u_b=None if is_clipped_b else stretch.u_b,
         offset=0.0,
@@ -233,11 +234,11 @@ def _look(
     ends: Ends | None,
     stars: StarList | None,
     psf_sigma: float,
-) -> tuple[Cutout, LineGuess, LitStretch] | NoStreak:
+) -> tuple[Cutout, LineGuess, LitPart] | NoStreak:
     """Find line and rough ends, further out each time the light runs into the cutout's rim."""
     margin = MARGIN_PX + 6.0 * psf_sigma
     cutout = cut_out(pixels, sky, box, margin, stars)
-    looked: tuple[Cutout, LineGuess, LitStretch] | None = None
+    looked: tuple[Cutout, LineGuess, LitPart] | None = None
     for _ in range(_LOOKS):
         guess = find_line(cutout, box, psf_sigma, ends)
         if guess is None:
@@ -257,7 +258,7 @@ def _look(
     return looked or NoStreak(reason=NotAStreak(kind="runs on"))
 
 
-def _guess_ends(guess: LineGuess, stretch: LitStretch) -> Ends:
+def _guess_ends(guess: LineGuess, stretch: LitPart) -> Ends:
     return (
         guess.x_px + guess.dx * stretch.u_a,
         guess.y_px + guess.dy * stretch.u_a,
@@ -266,7 +267,7 @@ def _guess_ends(guess: LineGuess, stretch: LitStretch) -> Ends:
     )
 
 
-def _grown(box: Box, stretch: LitStretch, guess: LineGuess) -> Box:
+def _grown(box: Box, stretch: LitPart, guess: LineGuess) -> Box:
     """Box about the box and the stretch, with a quarter of the stretch beyond each end."""
     more = 0.25 * (stretch.u_b - stretch.u_a)
     further = replace(stretch, u_a=stretch.u_a - more, u_b=stretch.u_b + more)
@@ -287,7 +288,7 @@ def _leaves_frame(cutout: Cutout, guess: LineGuess, u: float, reach_px: float) -
     return not (reach_px - 0.5 < x < far_x and reach_px - 0.5 < y < far_y)
 
 
-def _describe(cutout: Cutout, guess: LineGuess, fit: LineFit, stretch: LitStretch) -> StreakFit:
+def _describe(cutout: Cutout, guess: LineGuess, fit: LineFit, stretch: LitPart) -> StreakFit:
     """Return the fit in raw pixels; a clipped end stands where the line leaves the frame."""
     line = fit.line
     is_clipped = line.u_a is None or line.u_b is None
@@ -330,12 +331,12 @@ def _beyond_parabola(fit: LineFit) -> float:
     return float(1.0 + _SECOND_ORDER * min(worst, _HOPELESS)) ** 2
 
 
-def _to_raw(guess: LineGuess, line: Line, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _to_raw(guess: LineGuess, line: StreakModel, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     v = line.offset + line.slope * u
     return guess.x_px + u * guess.dx - v * guess.dy, guess.y_px + u * guess.dy + v * guess.dx
 
 
-def _rim(cutout: Cutout, guess: LineGuess, line: Line, u: float) -> float:
+def _rim(cutout: Cutout, guess: LineGuess, line: StreakModel, u: float) -> float:
     """u, near the given one, at which the line leaves the frame."""
     candidates = []
     dx, dy = guess.dx - line.slope * guess.dy, guess.dy + line.slope * guess.dx
@@ -347,7 +348,7 @@ def _rim(cutout: Cutout, guess: LineGuess, line: Line, u: float) -> float:
 
 
 def _fault(
-    fit: StreakFit, stretch: LitStretch, line_fit: LineFit, psf_fwhm: float, uneven: float
+    fit: StreakFit, stretch: LitPart, line_fit: LineFit, psf_fwhm: float, uneven: float
 ) -> NotAStreak | None:
     """The first gate that the fit does not pass; None where it passes all."""
     ratio = fit.width_px / psf_fwhm

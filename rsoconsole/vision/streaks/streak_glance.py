@@ -1,8 +1,9 @@
 """A quick look along a proposal: is there light all along a line near it?
 
-It costs a small part of a fit's time and so decides which proposals are fitted. Most faint
+It takes a small part of a fit's time and so decides which proposals are fitted. Most faint
 proposals of the network are a few stars in a row: bright here and there, dark between. Light is
-limited to a few sigmas before it is summed: stars count little, an unbroken line in full.
+limited to a few sigmas before it is summed, so that stars count little and an unbroken line counts
+in full.
 """
 
 import math
@@ -15,7 +16,7 @@ from rsoconsole.records import PixelArray
 from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_columns import LONGEST_PX, ridge_of, smoothed_strip
+from rsoconsole.vision.lines.line_columns import LONGEST_PX, ridge_snr, smoothed_snr_strip
 from rsoconsole.vision.lines.line_strip import INTERPOLATED_VARIANCE, OFF_PX
 from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
@@ -40,8 +41,7 @@ _NEEDED_OF_MOST = 0.9
 _SMALLEST = 1e-7
 _GLANCE_PX = 300.0
 _NARROW, _RAY_PX = 0.45, 0.55
-"""Width of the narrower line, as a share of the stars' width and with a largest sigma, px. Wind and
-drift widen stars alone, so that a satellite's streak is narrower; a ray is a pixel wide."""
+"""Width of the narrower line: share of the stars' width, and largest sigma, px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class LineSignal:
     """Largest ``value`` possible for a line of this length: bright all along."""
 
     def is_worth_a_fit(self, network_confidence: float) -> bool:
-        """True where there is light enough for a fit.
+        """Return True where there is enough light for a fit.
 
         The less confident the network is, the more light is required.
         """
@@ -67,11 +67,11 @@ class LineSignal:
 def line_signal(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> LineSignal:
     """Measure the light along the best line near ``ends`` (x_a, y_a, x_b, y_b).
 
-    Both figures are 0 where the line is outside the frame.
+    ``value`` and ``most`` are 0 where the line is outside the frame.
     """
     length = float(np.clip(length_of(ends), _SHORTEST_PX, LONGEST_PX))
     count = max(int(length) // _STEP_PX // _COUNTS, 1) * _COUNTS + 1
-    smooth, is_inside = smoothed_strip(
+    smooth, is_inside = smoothed_snr_strip(
         pixels, sky, ends, psf_sigma, columns=_STEP_PX * (count - 1) + 1, reach=_REACH_PX
     )
     limited = np.clip(smooth[:, ::_STEP_PX], *_LIMITS)
@@ -105,13 +105,13 @@ def _lines(count: int) -> IndexArray:
     return lines
 
 
-def width_at_a_glance(
+def star_width_and_narrow_snr(
     pixels: PixelArray, sky: Background, ends: Ends, psf_fwhm_px: float
 ) -> tuple[float, float]:
-    """Signal to noise of a line as wide as stars, and of a much narrower one, at these ends.
+    """Return the signal to noise of a line as wide as stars, and of a much narrower one.
 
-    Where the narrower fits far better, the line is a cosmic ray or a column of the sensor. Of a
-    long line only the middle is examined.
+    Where the second is far larger, the line is a cosmic ray or a column of the sensor. Only the
+    middle of a long line is examined.
     """
     import cv2
 
@@ -146,20 +146,18 @@ _BEYOND_PX = (30.0, 150.0)
 _LIKE = 0.5
 """Share of a line's level from which light beyond an end is more of the same."""
 _SPREAD_OF_NOISE, _SPREAD_OF_LIGHT = 2.4, 1.45
-"""Limits of the spread of the middle half of a line's places: the largest that noise makes (1.35 on
-average), and, times the level, that of a brightness varying as a sine."""
+"""Largest spread of a line's middle half: by noise, and, times the level, by a sine's light."""
 _DARK, _GAP_WIDTHS = 0.25, 3.0
-"""Share of a line's level below which it is dark, and star widths from which a dark stretch is a
-gap."""
+"""Share of a line's level below which it is dark, and star widths from which that is a gap."""
 
 
-def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
-    """True where the light between ``ends`` is no single line: a few stars, or light with a gap.
+def is_broken_line(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
+    """Return True where the light between ``ends`` is a few stars, or a line with a gap.
 
-    Stars scatter the brightness along the line further than a tumbling satellite does; a gap is a
+    Brightness varies more along a row of stars than along a tumbling satellite's streak; a gap is a
     dark stretch longer than stars are wide. Both are compared with the effect of noise.
     """
-    ridge = ridge_of(pixels, sky, ends, psf_sigma)
+    ridge = ridge_snr(pixels, sky, ends, psf_sigma)
     widths_px = FWHM_PER_SIGMA * psf_sigma
     window = max(round(widths_px), 1)
     if ridge.size < 4 * window:
@@ -176,7 +174,7 @@ def is_broken(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float)
     return longest > 0 and longest + window > _GAP_WIDTHS * widths_px
 
 
-def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
+def continues_beyond_end(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: float) -> bool:
     """True where the light of a line from a to b continues beyond b, at least half as bright.
 
     Both brightnesses are medians along the line, so that stars on it do not count.
@@ -187,8 +185,8 @@ def goes_on_beyond(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: f
     near = 3.0 * psf_sigma + 2.0
     far = near + float(np.clip(0.5 * length, *_BEYOND_PX))
     further = (x_b + near * dx, y_b + near * dy, x_b + far * dx, y_b + far * dy)
-    inside = ridge_of(pixels, sky, ends, psf_sigma)
-    beyond = ridge_of(pixels, sky, further, psf_sigma)
+    inside = ridge_snr(pixels, sky, ends, psf_sigma)
+    beyond = ridge_snr(pixels, sky, further, psf_sigma)
     if beyond.size < _BEYOND_PX[0] - 2 or not inside.size:
         return False
     typical, level = median_of(beyond), median_of(inside)

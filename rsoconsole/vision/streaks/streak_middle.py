@@ -1,9 +1,9 @@
-"""Middle of a streak whose image shook while it was drawn: ends and light weighed together.
+"""Middle of a streak whose image shook during the exposure, from its ends and its light.
 
 Wind moves the image of stars and satellite alike. Stars show the mean position over the exposure,
-an end of a streak the position at one instant: wrong by as much as the image shook, and the middle
-of two ends by 0.7 of that. The light helps: a steady light that is shaken along its path is
-brighter where it is slow and fainter where it is fast.
+but an end of a streak the position at one instant: its error is as large as the image shook, and
+that of the middle of two ends 0.7 times as large. The light helps: a steady light shaken along its
+path is brighter where it is slow and fainter where it is fast.
 
 The profile is therefore fitted as a steady light whose position along its path is even motion plus
 a wander w(t) with mean 0 over the exposure. The model is linear in w; seeing blurs everything
@@ -26,10 +26,10 @@ from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_or_points import surroundings_scatter_ratio
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
-    Course,
     LineStrip,
+    StripLine,
+    cut_out_strip,
     profile_of,
-    strip_about,
     subtract_sky_beside,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
@@ -49,20 +49,16 @@ _BEYOND = 4.0
 _FINEST, _MAX_COSINES, _MAX_SOURCES = 1.5, 32, 400
 _MIN_SOURCES, _MIN_COLUMNS = 6, 8
 _LOOKS, _MAX_MOVED, _CLOSE = 2, 2.0, 0.05
-"""Number of looks, and limits in sigmas of the disc: the largest move of the middle, and the move
-of the ends below which they stay."""
+"""Number of looks, largest move of the middle, and move at which ends stay, in disc sigmas."""
 _MAX_MISFIT = 2.5
 """Largest chi-square of a column: above it an unlisted star lies on the streak."""
 _JITTER, _SMALLEST = 1e-6, 1e-9
 _ACROSS, _ALONG = 1.25, 0.85
-"""Sigma of the Gaussian across in which light is summed, and of the disc at one instant, in sigmas
-of the stars' disc: wind widens the stars and sways the streak."""
+"""Sigma across of the summing Gaussian, and of the disc at an instant, in the stars' sigmas."""
 _MAX_ASIDE, _MAX_STEPS = 3.0, 120
-"""Largest distance of the path from the line, in sigmas of the disc, and largest number of steps
-along it."""
+"""Largest distance of the path from the line, in disc sigmas, and largest number of steps."""
 _STRAIGHT, _SMOOTH = 0.01, 0.2
-"""Costs in units of the typical light: of a sigma off the line, and of a turn by one sigma to the
-next column."""
+"""Costs over typical light: of a sigma off the line, of a turn by one sigma to the next column."""
 _SOUGHT, _WANDER = (1, 2), 3
 """Indices of the terms: shift and stretch; the first cosine."""
 _BELIEVED = 4.0
@@ -70,7 +66,7 @@ _BELIEVED = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Middle:
+class StreakMiddle:
     """Position of a streak's middle along the streak, from its ends and its light together."""
 
     offset_px: float
@@ -81,19 +77,19 @@ class Middle:
     sigma_length_px: float
 
 
-def with_middle(
+def with_middle_by_light(
     pixels: PixelArray, sky: Background, stars: StarList, streak: Detection
 ) -> Detection:
-    """Return the streak with its middle by ends and light, where its light shows that.
+    """Return the streak with its middle's offset by ends and light, where it is found.
 
     Unchanged where an end is outside the frame, where the streak was not measured as a line, and
-    where ``middle_of`` finds nothing or fails.
+    where no middle is found.
     """
     if streak.kind != "streak" or streak.method != "line":
         return streak
     ends = streak.x_a_px, streak.y_a_px, streak.x_b_px, streak.y_b_px
     try:
-        found = middle_of(pixels, sky, ends, stars, stars.fwhm_at(streak.x_px, streak.y_px))
+        found = find_middle(pixels, sky, ends, stars, stars.fwhm_at(streak.x_px, streak.y_px))
     except Exception:
         # What is told beside a detection must not cost it.
         log.exception("frame %d: no middle by light for %s", streak.frame_id, streak)
@@ -109,9 +105,9 @@ def with_middle(
     )
 
 
-def middle_of(
+def find_middle(
     pixels: PixelArray, sky: Background, ends: Ends, stars: StarList, fwhm_px: float
-) -> Middle | None:
+) -> StreakMiddle | None:
     """Find the middle of a streak between ``ends`` (x_a, y_a, x_b, y_b), by ends and light.
 
     ``fwhm_px``: width of stars. None where the frame cuts the streak, and where stars hide it or
@@ -119,22 +115,22 @@ def middle_of(
     tumbles.
     """
     sigma = math.hypot(fwhm_px / FWHM_PER_SIGMA, math.sqrt(INTERPOLATED_VARIANCE))
-    strip = strip_about(pixels, sky, ends, stars, sigma)
+    strip = cut_out_strip(pixels, sky, ends, stars, sigma)
     return None if strip is None else _in_strip(strip, ends, sigma)
 
 
-def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> Middle | None:
+def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> StreakMiddle | None:
     first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
     last = first + length_of(ends)
     room = _BEYOND * sigma
     if first < room or last > strip.values.shape[1] - 1 - room:
         return None
-    course = Course(0.5 * (first + last), 0.0, 0.0, 0.0, 0.0)
+    course = StripLine(0.5 * (first + last), 0.0, 0.0, 0.0, 0.0)
     subtract_sky_beside(strip, course, sigma)
     way = _way(strip, first, last, sigma)
     profile = profile_of(strip, way, _ACROSS * sigma)
-    used = profile.between(first - room, last + room)
-    if np.count_nonzero(profile.between(first, last)) < _MIN_COLUMNS:
+    used = profile.is_known_between(first - room, last + room)
+    if np.count_nonzero(profile.is_known_between(first, last)) < _MIN_COLUMNS:
         return None
     error = surroundings_scatter_ratio(strip, used, course, sigma) * profile.error[used]
     u = profile.columns[used].astype(np.float64)
@@ -150,7 +146,7 @@ def _in_strip(strip: LineStrip, ends: Ends, sigma: float) -> Middle | None:
     noise = found.weights**2 @ error**2
     seen = (_BELIEVED * noise + np.sum(beside**2, axis=0)) / (_BELIEVED + len(beside))
     variance = found.variance + np.maximum(seen - noise, 0.0)
-    return Middle(
+    return StreakMiddle(
         offset_px=offset,
         sigma_px=math.sqrt(variance[0]),
         length_px=b - a,

@@ -1,7 +1,7 @@
-"""Measurement of a line of light of any length along itself, however its brightness varies.
+"""Measurement of a line of light of any length, however its brightness varies.
 
-The pixels about a proposed line are turned so that it runs along the rows; matched across to the
-frame's own point-spread function they make a profile along it.
+The pixels about a proposed line are turned so that it runs along the rows; summed across with the
+frame's own point-spread function as weight they make a profile along it. It gives:
 
 - course of the line: from the middles of its parts
 - ends: from the edges of the lit stretch
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsoconsole.records import PixelArray
-from rsoconsole.sky import turn_deg
+from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
@@ -29,16 +29,16 @@ from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     MIN_KNOWN,
     OFF_PX,
-    Course,
     LineProfile,
     LineStrip,
+    StripLine,
+    cut_out_strip,
+    gaussian_weights,
     profile_of,
-    strip_about,
     subtract_sky_beside,
-    weights_of,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
-from rsoconsole.vision.stars.star_list import StarList, Trail
+from rsoconsole.vision.stars.star_list import StarList, StarTrail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _PARTS = 16
@@ -55,7 +55,7 @@ _SMALLEST = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trace:
+class LineTrace:
     """Line of light measured along itself, in pixels of the frame, 0-based."""
 
     x_a_px: float
@@ -92,20 +92,20 @@ def trace_line(
     psf_fwhm_px: float,
     *,
     off_px: float = OFF_PX,
-) -> Trace | None:
+) -> LineTrace | None:
     """Measure the light of a line proposed between ``ends`` (x_a, y_a, x_b, y_b).
 
     ``pixels`` (height, width), ADU. ``off_px``: largest distance of the true line from the proposed
     one, at its middle and at its ends. None where no line stands out there.
     """
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
-    strip = strip_about(pixels, sky, ends, stars, sigma)
+    strip = cut_out_strip(pixels, sky, ends, stars, sigma)
     found, goes_on = _looked(strip, ends, sigma, off_px, stars.trail)
     for _ in range(_MAX_LOOKS):
         if found is None or not goes_on:
             break
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
-        strip = strip_about(pixels, sky, ends, stars, sigma)
+        strip = cut_out_strip(pixels, sky, ends, stars, sigma)
         further, goes_on = _looked(strip, ends, sigma, off_px, stars.trail)
         if further is None or further.snr < found.snr:
             break
@@ -114,8 +114,8 @@ def trace_line(
 
 
 def _looked(
-    strip: LineStrip | None, ends: Ends, sigma: float, off_px: float, trail: Trail | None
-) -> tuple[Trace | None, bool]:
+    strip: LineStrip | None, ends: Ends, sigma: float, off_px: float, trail: StarTrail | None
+) -> tuple[LineTrace | None, bool]:
     """Trace of one look at a strip, and True where the light goes on at the strip's end."""
     if strip is None:
         return None, False
@@ -173,7 +173,7 @@ def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: floa
 
 def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[float, float]) -> None:
     """Mask points on the line far brighter than most of it: stars that are on no list."""
-    inside = profile.between(*lit)
+    inside = profile.is_known_between(*lit)
     if np.count_nonzero(inside) < _ENOUGH_COLUMNS:
         return
     typical = max(median_of(profile.light[inside]), 0.0)
@@ -189,7 +189,7 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
 
 def _course(
     strip: LineStrip, columns: IndexArray, inside: BoolArray, sigma: float, off_px: float
-) -> Course:
+) -> StripLine:
     """Find the line on which the limited light of a proposal's parts adds up to most."""
     import cv2
 
@@ -220,7 +220,7 @@ def _course(
     far = np.abs(offsets)[:, None] / off_px + np.abs(slopes) / max(float(slopes[-1]), _SMALLEST)
     total = total - _NEARER * np.abs(total).max() * far
     best = np.unravel_index(int(np.argmax(total)), total.shape)
-    return Course(middle, float(offsets[best[0]]), float(slopes[best[1]]), 0.5, 0.5 / half)
+    return StripLine(middle, float(offsets[best[0]]), float(slopes[best[1]]), 0.5, 0.5 / half)
 
 
 def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[float, float] | None:
@@ -228,7 +228,7 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
     typical: float | None = None
     span = (middle - half, middle + half)
     for _ in range(2):
-        inside = profile.between(*span)
+        inside = profile.is_known_between(*span)
         if np.count_nonzero(inside) < 4:
             return None
         noise = median_of(profile.error[inside])
@@ -249,11 +249,11 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
 
 
 def _better(
-    strip: LineStrip, columns: IndexArray, inside: BoolArray, course: Course, sigma: float
-) -> Course:
+    strip: LineStrip, columns: IndexArray, inside: BoolArray, course: StripLine, sigma: float
+) -> StripLine:
     """Fit the line through the middles of the lit parts, with its errors."""
     middle = float(columns[inside].mean())
-    start = Course(
+    start = StripLine(
         middle, float(course.at(middle)), course.slope, course.sigma_offset, course.sigma_slope
     )
     v = np.arange(-strip.reach, strip.reach + 1)[:, None]
@@ -261,7 +261,7 @@ def _better(
     parts = np.array_split(np.arange(chosen.size), min(_PARTS, max(chosen.size // 6, 1)))
     centres = [float(chosen[part].mean()) - middle for part in parts]
     for _ in range(3):
-        weight = weights_of(strip, chosen, start, sigma)
+        weight = gaussian_weights(strip, chosen, start, sigma)
         nominal = np.einsum("ij,ij->j", weight, weight)
         weight *= strip.is_good[:, chosen]
         # What a mask leaves of a column is a star's wing, not the line.
@@ -302,15 +302,19 @@ def _better(
             p0, p1 = float(w @ offsets), float(w @ (offsets * u))
             shift, turn = (s2 * p0 - s1 * p1) / det, (s0 * p1 - s1 * p0) / det
             errors_of = (math.sqrt(s2 / det), math.sqrt(s0 / det))
-        start = Course(middle, start.offset + shift, start.slope + turn, *errors_of)
+        start = StripLine(middle, start.offset + shift, start.slope + turn, *errors_of)
         if abs(shift) < 0.02:
             break
     return start
 
 
 def _described(
-    strip: LineStrip, inside: BoolArray, course: Course, profile: LineProfile, trail: Trail | None
-) -> Trace | None:
+    strip: LineStrip,
+    inside: BoolArray,
+    course: StripLine,
+    profile: LineProfile,
+    trail: StarTrail | None,
+) -> LineTrace | None:
     lit = profile.columns[inside]
     if np.count_nonzero(inside & profile.is_known) < 4:
         return None
@@ -319,7 +323,7 @@ def _described(
     is_open = (strip.is_cut[0] and first < rim, strip.is_cut[1] and last > size - 1 - rim)
     a, sigma_a = (-0.5, 0.0) if is_open[0] else _edge(profile, first, 1, last - first)
     b, sigma_b = (size - 0.5, 0.0) if is_open[1] else _edge(profile, last, -1, last - first)
-    known = profile.between(a, b)
+    known = profile.is_known_between(a, b)
     if b - a < 3.0 or np.count_nonzero(known) < 4:
         return None
     light = profile.light[known]
@@ -330,11 +334,11 @@ def _described(
     drawn_px = 0.0
     if trail is not None:
         angle_deg = math.degrees(math.atan2(strip.dy, strip.dx) + math.atan(course.slope))
-        turn = turn_deg(angle_deg % 180.0, trail.angle_deg)
+        turn = line_angle_deg(angle_deg % 180.0, trail.angle_deg)
         drawn_px = trail_along_line_px(trail.length_px, turn, trail.fwhm_px)
     x_a, y_a = strip.at(a, float(course.at(a)))
     x_b, y_b = strip.at(b, float(course.at(b)))
-    return Trace(
+    return LineTrace(
         x_a_px=x_a,
         y_a_px=y_a,
         x_b_px=x_b,
@@ -389,7 +393,7 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     return float(trial[best]) * sense, max(spread, hidden, 0.1)
 
 
-def _width(strip: LineStrip, columns: IndexArray, course: Course, sigma: float) -> float:
+def _width(strip: LineStrip, columns: IndexArray, course: StripLine, sigma: float) -> float:
     """Full width at half maximum of the light across, of the Gaussian that fits it best."""
     v = np.arange(-strip.reach, strip.reach + 1)[:, None]
     off = v - course.at(columns)

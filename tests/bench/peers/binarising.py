@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from rsoconsole.vision import FrameMap, Network, local_background, make_map, resample
 from rsoconsole.vision.frame.bins import block_maximum, mean_of_squares
-from rsoconsole.vision.frame.maps import to_codes
+from rsoconsole.vision.frame.maps import to_map_bytes
 from tests.bench.peers.frames import SNR_BINS, BenchFrame
 from tests.bench.peers.paper_recipe import BLACK, PER_SIGMA, stretched, through_jpeg
 from tests.bench.peers.scoring import Candidate, Judged, Line, judge, summary
@@ -45,7 +45,7 @@ def maps_of(bench: BenchFrame) -> Mapping[str, ByteArray]:
     maps["graded signal to noise, bins of 2"] = _graded(pixels, 2)
     lines = make_map(pixels, "fast", BLOCK).values
     maps["graded signal to noise of lines, bins of 2 (the product's)"] = lines
-    maps["the last, binarised at 4 sigma"] = ((lines > to_codes(_four())[0, 0]) * 255).astype(
+    maps["the last, binarised at 4 sigma"] = ((lines > to_map_bytes(_four())[0, 0]) * 255).astype(
         np.uint8
     )
     return maps
@@ -65,7 +65,7 @@ def _graded(pixels: npt.NDArray[Any], binning: int) -> ByteArray:
     sky = local_background(pixels)
     level = resample(sky.level, sky.cell_px // binning, *bins.shape)
     noise = resample(sky.noise, sky.cell_px // binning, *bins.shape) / binning
-    return to_codes(block_maximum((bins - level) / noise, BLOCK // binning))
+    return to_map_bytes(block_maximum((bins - level) / noise, BLOCK // binning))
 
 
 def compare(frames: Iterable[BenchFrame]) -> dict[str, Any]:

@@ -67,12 +67,12 @@ BAND = {"color": "#5b7fb5", "alpha": 0.10, "linewidth": 0}
 MISS_COLOUR = "#f3d9b8"
 
 
-def time_axis(axis: Any, night: DrawnNight) -> None:
-    """Label the time axis: seconds since the first exposure, and the instant of that exposure."""
+def label_time_axis(axis: Any, night: DrawnNight) -> None:
+    """Scale the time axis (seconds since the middle of the first exposure) and label it."""
     first = utc_ns_to_iso(night.frames[0].t_mid_utc_ns, decimals=0).removesuffix("Z")
     at = first.replace("T", " ")
     axis.set_xlabel(f"Time since the middle of the first exposure, {at} UTC (s)")
-    last_s = night.seconds(night.frames[-1])
+    last_s = night.seconds_since_start(night.frames[-1])
     margin_s = max(0.02 * last_s, 1.0)
     axis.set_xlim(-margin_s, last_s + margin_s)
 
@@ -82,8 +82,8 @@ def write_title(axis: Any, night: DrawnNight, what: str) -> None:
     axis.set_title(f"{what}. {night.title}, preset {night.config.filter.preset}", loc="left")
 
 
-def note(axis: Any, words: str) -> None:
-    """Write words in the panel's lower right corner, legible over the drawing."""
+def write_corner_note(axis: Any, words: str) -> None:
+    """Write a note into the panel's lower right corner, on a background that keeps it legible."""
     paper = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
     axis.text(
         *(0.992, 0.03, words),
@@ -101,19 +101,19 @@ def shade_misses(axis: Any, night: DrawnNight) -> Any:
     Returns one of the shaded columns, for the legend; None where there is none.
     """
     column = None
-    half_s = 0.5 * median_step_s(night)
+    half_s = 0.5 * median_frame_interval_s(night)
     for frame in night.frames:
-        if frame.missed is not None:
-            t_s = night.seconds(frame)
+        if frame.lead_miss_reason is not None:
+            t_s = night.seconds_since_start(frame)
             column = axis.axvspan(
                 t_s - half_s, t_s + half_s, color=MISS_COLOUR, alpha=0.7, linewidth=0, zorder=0
             )
     return column
 
 
-def median_step_s(night: DrawnNight) -> float:
+def median_frame_interval_s(night: DrawnNight) -> float:
     """Return the median time from one frame to the next, s; 30 where there are fewer than two."""
-    times = [night.seconds(frame) for frame in night.frames]
+    times = [night.seconds_since_start(frame) for frame in night.frames]
     steps = sorted(b - a for a, b in itertools.pairwise(times))
     return steps[len(steps) // 2] if steps else 30.0
 
@@ -131,14 +131,16 @@ def legend_above(figure: Any, handles: Sequence[tuple[Any, str]]) -> None:
     )
 
 
-def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, str]] = ()) -> None:
+def finish_figure(
+    figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, str]] = ()
+) -> None:
     """Finish a figure: title, axis of time, legend.
 
     ``what``: what is drawn, for the title; ``keys``: entries (handle, label) of the legend.
     """
     panels = figure.axes
     figure.align_ylabels(panels)
-    time_axis(panels[-1], night)
+    label_time_axis(panels[-1], night)
     write_title(panels[0], night, what)
     if keys:
         legend_above(figure, keys)
@@ -146,7 +148,7 @@ def finish(figure: Any, night: DrawnNight, what: str, keys: Sequence[tuple[Any, 
 
 def tracked_frames(night: DrawnNight) -> list[NightFrame]:
     """Return the frames in which there was a lead track."""
-    return [frame for frame in night.frames if frame.track is not None]
+    return [frame for frame in night.frames if frame.lead_state is not None]
 
 
 _FAR_WIDER = 5.0
@@ -172,14 +174,14 @@ def draw_track(figure: Any, night: DrawnNight) -> None:
     lower.ticklabel_format(axis="y", useOffset=False)
     upper.set_ylabel("Right ascension, ICRS (deg)")
     lower.set_ylabel("Declination, ICRS (deg)")
-    finish(figure, night, "The track", keys)
+    finish_figure(figure, night, "The track", keys)
 
 
-def draw_about_line(figure: Any, night: DrawnNight) -> None:
-    """Draw RA and Dec minus the straight line through the updated states, arcsec."""
+def draw_track_about_line(figure: Any, night: DrawnNight) -> None:
+    """Draw RA and Dec minus a straight line fitted to the updated states, arcsec."""
     frames = [frame for frame in tracked_frames(night) if frame.updated is not None]
     ra_0_deg = _first(frames).x[0]
-    t_s = np.array([night.seconds(frame) for frame in frames])
+    t_s = np.array([night.seconds_since_start(frame) for frame in frames])
     states = [frame.updated for frame in frames if frame.updated is not None]
     ras = np.array([ra_0_deg + float(wrap_180(state.x[0] - ra_0_deg)) for state in states])
     decs = np.array([state.x[2] for state in states])
@@ -187,11 +189,11 @@ def draw_about_line(figure: Any, night: DrawnNight) -> None:
     cos_dec = math.cos(math.radians(float(decs.mean())))
 
     def ra_arcsec(frame: NightFrame, ra: float, _dec: float) -> float:
-        line_deg = ra_line[0] + ra_line[1] * night.seconds(frame)
+        line_deg = ra_line[0] + ra_line[1] * night.seconds_since_start(frame)
         return float(wrap_180(ra - line_deg)) * cos_dec * 3600.0
 
     def dec_arcsec(frame: NightFrame, _ra: float, dec: float) -> float:
-        return (dec - dec_line[0] - dec_line[1] * night.seconds(frame)) * 3600.0
+        return (dec - dec_line[0] - dec_line[1] * night.seconds_since_start(frame)) * 3600.0
 
     upper, lower = figure.subplots(2, 1, sharex=True)
     _error_bars(upper, night, ra_arcsec, 0)
@@ -200,9 +202,9 @@ def draw_about_line(figure: Any, night: DrawnNight) -> None:
     _panel(lower, night, dec_arcsec, _sigma_north_arcsec)
     upper.set_ylabel("(α − line) cos δ (arcsec)")
     lower.set_ylabel("δ − line (arcsec)")
-    note(upper, _line_words("α", ra_line))
-    note(lower, _line_words("δ", dec_line))
-    finish(figure, night, "The track about a straight line", _with_bars(keys))
+    write_corner_note(upper, _line_words("α", ra_line))
+    write_corner_note(lower, _line_words("δ", dec_line))
+    finish_figure(figure, night, "The track about a straight line", _with_bars(keys))
 
 
 def draw_errors(figure: Any, night: DrawnNight, truth: Mapping[int, TruePlace]) -> None:
@@ -228,7 +230,7 @@ def draw_errors(figure: Any, night: DrawnNight, truth: Mapping[int, TruePlace]) 
     upper.set_ylabel("Error in α cos δ (arcsec)")
     lower.set_ylabel("Error in δ (arcsec)")
     name = next((true.name for true in truth.values()), "nothing real")
-    finish(figure, night, f"Errors against the true place of {name}", _with_bars(keys))
+    finish_figure(figure, night, f"Errors against the true place of {name}", _with_bars(keys))
 
 
 def _panel(
@@ -247,7 +249,7 @@ def _panel(
     shown: list[float] = []
     for marks, words in ((PREDICTED, "predicted"), (MEASURED, "measured"), (UPDATED, "updated")):
         points = [
-            (night.seconds(frame), value)
+            (night.seconds_since_start(frame), value)
             for frame in frames
             for value in [_value(frame, words, where)]
             if value is not None
@@ -262,7 +264,7 @@ def _panel(
 
 def _value(frame: NightFrame, words: str, where: Where) -> float | None:
     if words == "measured":
-        m = frame.measured
+        m = frame.lead_measured
         return None if m is None else where(frame, m.ra_icrs_deg, m.dec_icrs_deg)
     state = frame.predicted if words == "predicted" else frame.updated
     return None if state is None else where(frame, state.x[0], state.x[2])
@@ -280,9 +282,9 @@ def _bounds(
     low: list[float] = []
     high: list[float] = []
     for frame in night.frames:
-        state = frame.track
+        state = frame.lead_state
         centre = None if state is None else where(frame, state.x[0], state.x[2])
-        t_s.append(night.seconds(frame))
+        t_s.append(night.seconds_since_start(frame))
         if state is None or centre is None:
             low.append(math.nan)
             high.append(math.nan)
@@ -310,7 +312,7 @@ def _fit(axis: Any, shown: list[float], bounds: list[tuple[float, float]]) -> No
 
 
 def _first(frames: list[NightFrame]) -> TrackState:
-    state = frames[0].track
+    state = frames[0].lead_state
     if state is None:
         raise ValueError("a frame without a track was taken for one with")
     return state
@@ -346,9 +348,9 @@ def _with_bars(keys: list[tuple[Any, str]]) -> list[tuple[Any, str]]:
 def _error_bars(axis: Any, night: DrawnNight, where: Where, index: int) -> None:
     """Draw one sigma of each accepted measurement, by its own covariance."""
     points = [
-        (night.seconds(frame), value, math.sqrt(m.cov_sky_arcsec2[index]))
+        (night.seconds_since_start(frame), value, math.sqrt(m.cov_sky_arcsec2[index]))
         for frame in night.frames
-        if (m := frame.measured) is not None
+        if (m := frame.lead_measured) is not None
         and (value := where(frame, m.ra_icrs_deg, m.dec_icrs_deg)) is not None
     ]
     if points:

@@ -7,12 +7,12 @@ from rsoconsole.library.notebook.figures.draw_sky import (
     BAND,
     BOUND,
     MEASURED,
-    finish,
-    note,
+    finish_figure,
     shade_misses,
+    write_corner_note,
 )
 from rsoconsole.library.notebook.night.night import DrawnNight
-from rsoconsole.night import FRAME_FACTS, facts_of
+from rsoconsole.night import FRAME_FACTS, frame_quantities
 
 NIS_BAND = (0.0506, 7.378)
 """Bounds that hold 95 % of a chi-square of two degrees of freedom."""
@@ -28,26 +28,30 @@ def draw_confidence(figure: Any, night: DrawnNight) -> None:
     """Draw the confidence of the accepted measurement, the confidence of the others, and tau."""
     axis = figure.subplots()
     column = shade_misses(axis, night)
-    followed = [(f, m) for f in night.frames if (m := night.taken_of(f)) is not None]
+    followed = [(f, m) for f in night.frames if (m := night.taken_measurement(f)) is not None]
     others = [
-        (night.seconds(frame), each.confidence)
+        (night.seconds_since_start(frame), each.confidence)
         for frame in night.frames
         for each in frame.measurements
-        if each is not night.taken_of(frame)
+        if each is not night.taken_measurement(frame)
     ]
     (taken,) = axis.plot(
-        [night.seconds(frame) for frame, _ in followed],
+        [night.seconds_since_start(frame) for frame, _ in followed],
         [measured.confidence for _, measured in followed],
         **{**MEASURED, "markerfacecolor": "#c62828", "markersize": 4.6, "linestyle": "none"},
     )
     other = None
     if others:
         (other,) = axis.plot(*zip(*others, strict=True), "x", color="#777777", markersize=4.5)
-    missed = [night.seconds(frame) for frame in night.frames if frame.missed is not None]
+    missed = [
+        night.seconds_since_start(frame)
+        for frame in night.frames
+        if frame.lead_miss_reason is not None
+    ]
     if missed:
         axis.plot(missed, [0.0] * len(missed), "v", color="#b26a00", markersize=4, clip_on=False)
     (tau,) = axis.step(
-        [night.seconds(frame) for frame in night.frames],
+        [night.seconds_since_start(frame) for frame in night.frames],
         [frame.tau for frame in night.frames],
         where="mid",
         **BOUND,
@@ -57,7 +61,7 @@ def draw_confidence(figure: Any, night: DrawnNight) -> None:
     taus = sorted({frame.tau for frame in night.frames})
     tau_words = f"τ = {taus[0]:.2f}" if len(taus) == 1 else "τ"
     keys = [(taken, "taken by the track"), (other, "not taken"), (tau, tau_words)]
-    finish(figure, night, "Confidence of the detections", [*keys, (column, "missed")])
+    finish_figure(figure, night, "Confidence of the detections", [*keys, (column, "missed")])
 
 
 def draw_residuals(figure: Any, night: DrawnNight) -> None:
@@ -79,7 +83,7 @@ def draw_residuals(figure: Any, night: DrawnNight) -> None:
         _scale(axis, values, bounds)
     bound_words = "± 3 √S, S = C P⁻ Cᵀ + R"
     keys = [(mark, "innovation"), (bound, bound_words), (column, "missed")]
-    finish(figure, night, "Innovations, measured minus predicted", keys)
+    finish_figure(figure, night, "Innovations, measured minus predicted", keys)
 
 
 def _series(night: DrawnNight, index: int) -> tuple[list[float], list[float], list[float]]:
@@ -87,7 +91,7 @@ def _series(night: DrawnNight, index: int) -> tuple[list[float], list[float], li
     for frame in night.frames:
         state = frame.updated
         if state is not None and state.innovation_arcsec and state.sigma_innovation_arcsec:
-            t_s.append(night.seconds(frame))
+            t_s.append(night.seconds_since_start(frame))
             values.append(state.innovation_arcsec[index])
             bounds.append(3.0 * state.sigma_innovation_arcsec[index])
     return t_s, values, bounds
@@ -103,7 +107,7 @@ def _scale(axis: Any, values: list[float], bounds: list[float]) -> None:
         axis.set_ylim(-5.0 * max(bounds), 5.0 * max(bounds))
         steps = [threshold * 100.0**k for k in range(5) if threshold * 100.0**k < max(bounds)]
         axis.set_yticks([-step for step in reversed(steps)] + [0.0, *steps])
-        note(axis, f"straight within ±{threshold:g}″, logarithmic beyond")
+        write_corner_note(axis, f"straight within ±{threshold:g}″, logarithmic beyond")
         return
     # A single far wider bound, after a poor measurement, may leave the panel.
     usual = [bound for bound in bounds if bound <= _WIDER * widest]
@@ -116,7 +120,7 @@ def draw_nis(figure: Any, night: DrawnNight) -> None:
     axis = figure.subplots()
     column = shade_misses(axis, night)
     pairs = [
-        (night.seconds(frame), frame.updated.nis)
+        (night.seconds_since_start(frame), frame.updated.nis)
         for frame in night.frames
         if frame.updated is not None and frame.updated.nis is not None
     ]
@@ -148,7 +152,7 @@ def draw_nis(figure: Any, night: DrawnNight) -> None:
     axis.set_ylabel("NIS (ideal mean 2)")
     keys = [(mark, "NIS"), (mean, f"mean of {WINDOW}"), (band, "95 % of one")]
     keys += [(window_band, f"95 % of the mean of {WINDOW}"), (gate, "gate"), (column, "missed")]
-    finish(figure, night, "Normalised innovation squared", keys)
+    finish_figure(figure, night, "Normalised innovation squared", keys)
 
 
 def draw_quality(figure: Any, night: DrawnNight) -> None:
@@ -156,11 +160,11 @@ def draw_quality(figure: Any, night: DrawnNight) -> None:
     panels = figure.subplots(len(FRAME_FACTS), 1, sharex=True)
     for fact, axis in zip(FRAME_FACTS, panels, strict=True):
         points = [
-            (night.seconds(frame), value)
+            (night.seconds_since_start(frame), value)
             for frame in night.frames
-            if (value := facts_of(frame.detections)[fact.name]) is not None
+            if (value := frame_quantities(frame.detections)[fact.name]) is not None
         ]
         if points:
             axis.plot(*zip(*points, strict=True), ".-", color=BOUND["color"], linewidth=0.9)
         axis.set_ylabel(f"{fact.label}\n({fact.unit})" if fact.unit else fact.label)
-    finish(figure, night, "Image and sky")
+    finish_figure(figure, night, "Image and sky")

@@ -15,15 +15,19 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rsoconsole.base import SessionError, system_errors_as
 from rsoconsole.control import one_line
-from rsoconsole.library.notebook.figures.draw_sky import draw_about_line, draw_errors, draw_track
+from rsoconsole.library.notebook.figures.draw_sky import (
+    draw_errors,
+    draw_track,
+    draw_track_about_line,
+)
 from rsoconsole.library.notebook.figures.draw_time import (
     draw_confidence,
     draw_nis,
     draw_quality,
     draw_residuals,
 )
-from rsoconsole.library.notebook.night.night import DrawnNight, read_night, read_truth
-from rsoconsole.session import SessionReader, clock_notes
+from rsoconsole.library.notebook.night.night import DrawnNight, read_drawn_night, read_truth
+from rsoconsole.session import SessionReader, clock_fault_lines
 
 FigureFormat = Literal["png", "svg", "pdf"]
 WIDTH_IN = 6.6
@@ -46,7 +50,7 @@ DRAWINGS = {
     for each in (
         FigureRecipe(name="confidence", draw=draw_confidence, height_in=3.0, needs_track=False),
         FigureRecipe(name="track", draw=draw_track),
-        FigureRecipe(name="track_about_line", draw=draw_about_line),
+        FigureRecipe(name="track_about_line", draw=draw_track_about_line),
         FigureRecipe(name="residuals", draw=draw_residuals),
         FigureRecipe(name="nis", draw=draw_nis, height_in=3.0),
     )
@@ -78,14 +82,14 @@ def write_figures(
     the figure of the confidence. Raises SessionError when the session cannot be read, holds no
     frame with a time, or ``out`` cannot be written.
     """
-    night = read_night(session)
+    night = read_drawn_night(session)
     drawings = [each for each in DRAWINGS.values() if has_track(night) or not each.needs_track]
     if truth is not None and has_track(night):
         places = read_truth(truth, night)
         drawings.append(
             FigureRecipe(name="errors", draw=lambda figure, each: draw_errors(figure, each, places))
         )
-    notes = clock_notes(SessionReader(session))
+    notes = clock_fault_lines(SessionReader(session))
     # Half a second of imports: only who draws pays for them. No window system is asked for.
     from rsoconsole.library.notebook.figures.inline import NightFigure, figure_style
 

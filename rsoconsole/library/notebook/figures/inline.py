@@ -21,7 +21,8 @@ SAVED_DPI = 144
 def figure_style(salt: str | None = None) -> AbstractContextManager[None]:
     """Return a context in which matplotlib draws in the program's fonts and colours.
 
-    ``salt``: makes the same drawing give the same SVG; None: ids in the SVG are random.
+    ``salt``: seed of the ids in an SVG, so that equal drawings give equal files; None: random
+    ids.
     """
     style: Any = STYLE if salt is None else {**STYLE, "svg.hashsalt": salt}
     return mpl.rc_context(style)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import SessionError, json_of
+from rsoconsole.base import SessionError, parse_json
 from rsoconsole.config import Config
 from rsoconsole.control import one_line
 from rsoconsole.night import NightFrame, NightFrames
@@ -27,14 +27,14 @@ class DrawnNight:
     firsts: frozenset[str] = frozenset()
     """Ids of measurements that began a track and are drawn as taken by it; empty: none is."""
 
-    def seconds(self, frame: NightFrame) -> float:
+    def seconds_since_start(self, frame: NightFrame) -> float:
         """Return the seconds from the first frame's mid-exposure to this frame's."""
         return (frame.t_mid_utc_ns - self.frames[0].t_mid_utc_ns) / 1e9
 
-    def taken_of(self, frame: NightFrame) -> Measurement | None:
-        """Return the measurement to draw as taken by the lead; None without one."""
+    def taken_measurement(self, frame: NightFrame) -> Measurement | None:
+        """Return the frame's measurement to draw as assigned to the lead; None without one."""
         first = (m for m in frame.measurements if m.measurement_id in self.firsts)
-        return frame.measured or next(first, None)
+        return frame.lead_measured or next(first, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,26 +46,27 @@ class TruePlace:
     dec_icrs_deg: float
 
 
-def night_of(title: str, config: Config, frames: Iterable[NightFrame]) -> DrawnNight:
+def make_drawn_night(title: str, config: Config, frames: Iterable[NightFrame]) -> DrawnNight:
     """Make a night of the frames that have a time, in order of time."""
     in_order = sorted((each for each in frames if each.has_time), key=lambda f: f.t_mid_utc_ns)
     return DrawnNight(title=title, frames=tuple(in_order), config=config)
 
 
-def read_night(session: Path) -> DrawnNight:
+def read_drawn_night(session: Path) -> DrawnNight:
     """Gather a session's frames; those without a time are left out.
 
     Raises SessionError when the folder is no session or holds no frame with a time.
     """
     reader = SessionReader(session)
     config = reader.config()
-    frames = NightFrames(config).take_all(record for _, _, record in reader.records())
+    frames = NightFrames(config).fold_all(record for _, _, record in reader.records())
     return expect_frames(
-        night_of(title_of(reader.about(), session), config, frames.seen()), session
+        make_drawn_night(session_title(reader.read_meta(), session), config, frames.kept_frames()),
+        session,
     )
 
 
-def title_of(about: Mapping[str, Any], folder: Path) -> str:
+def session_title(about: Mapping[str, Any], folder: Path) -> str:
     """Return a session's title, else its folder's name, without control characters.
 
     ``about``: metadata of the session.
@@ -74,7 +75,7 @@ def title_of(about: Mapping[str, Any], folder: Path) -> str:
 
 
 def expect_frames(night: DrawnNight, session: Path) -> DrawnNight:
-    """Return ``night`` as it is. Raises SessionError where it holds no frame with a time."""
+    """Return ``night`` unchanged; raise SessionError where it holds no frame with a time."""
     if not night.frames:
         raise SessionError(f"{session} holds no frame with a time: there is nothing to draw")
     return night
@@ -92,15 +93,15 @@ def offset_arcsec(
 
 
 def read_truth(path: Path, night: DrawnNight) -> dict[int, TruePlace]:
-    """Read the true places of the followed satellite, by frame number.
+    """Read the true places of the observed satellite, by frame number.
 
-    ``path``: truth of a simulated observatory, one JSON object for each exposure. The followed
-    satellite is the nearest to most of the lead's updated states. Raises SessionError when the file
-    is no such truth.
+    ``path``: truth of a simulated observatory, one JSON object for each exposure. Of several
+    satellites, the one nearest to most of the lead's updated states counts as observed. Raises
+    SessionError when the file cannot be read as a truth.
     """
     try:
         with path.open(encoding="utf-8") as lines:
-            exposures = [json_of(line) for line in lines if line.strip()]
+            exposures = [parse_json(line) for line in lines if line.strip()]
         by_instant = {
             each["t_start_utc_ns"] / 1e9 + each["exposure_s"] / 2.0: each["satellites"]
             for each in exposures

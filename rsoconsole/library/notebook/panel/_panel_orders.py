@@ -1,6 +1,6 @@
-"""Execution of the orders of a panel's page: each on a thread of its own, STOP before all.
+"""Execution of the orders of a panel's page, each on a thread of its own.
 
-An order passes the same socket, seats, checklist and limits as an order of a console.
+An order passes the same socket, control, checklist and limits as an order of a console.
 """
 
 import logging
@@ -24,7 +24,7 @@ from rsoconsole.control import (
     Preview,
     StopNews,
     Stopping,
-    command_of,
+    make_command,
     preview_lines,
     read_record,
 )
@@ -95,7 +95,7 @@ class PanelOrders:
             self.stop()
 
     def stop(self) -> None:
-        """Send STOP, then close an open question and an open go-to on the page."""
+        """Send STOP, then remove an open question and an open go-to from the page."""
         with self._lock:
             self._stops += 1
             number = self._stops
@@ -105,7 +105,7 @@ class PanelOrders:
                 self._end_stop(number)
             else:
                 self._show_stop(number, answer.phase, answer.text)
-            self._link.look_now()
+            self._link.poll_now()
 
         Stopping(lambda: self._wire, self._stop_directly, news).begin()
         self._show_stop(number, "sent", "sent to the engine")
@@ -139,7 +139,7 @@ class PanelOrders:
             return
         self._show("asked", NOTHING)
         try:
-            command = command_of(known.verb, arguments)
+            command = make_command(known.verb, arguments)
         except ValueError as error:
             self._say(f"{known.label()}: not done, {error}", "warning")
             return
@@ -149,7 +149,7 @@ class PanelOrders:
     def _send(self, command: Command) -> None:
         stops = self._stops
         outcome = self._outcome(command)
-        self._link.look_now()
+        self._link.poll_now()
         if stops != self._stops:
             return  # STOP has the last word
         name = command.label()
@@ -231,8 +231,8 @@ class PanelOrders:
             answer["fault"] = "nothing is on record yet"
         else:
             try:
-                changes = tuned_values(settings)
-                answer["rows"] = effect_rows(list(live.records), live.begun_with, changes)
+                changes = check_tuned_settings(settings)
+                answer["rows"] = what_if_rows(list(live.records), live.begun_with, changes)
             except (ValueError, RsoconsoleError) as error:
                 answer["fault"] = str(error)
         if asked == self._effect_asked:
@@ -254,10 +254,10 @@ class PanelOrders:
         threading.Thread(target=run, name="panel-order", daemon=True).start()
 
 
-def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
-    """Return the settings that a page sends, as numbers or words, by dotted name.
+def check_tuned_settings(settings: Mapping[str, Any]) -> dict[str, float | str]:
+    """Check the settings that a page sends, and return them by dotted name.
 
-    Raises ValueError for a setting that is not in ``TUNED``, and for other types.
+    Raises ValueError for a setting that is not in ``TUNED`` or is neither a number nor text.
     """
     known = {name for name, _, _ in TUNED}
     values: dict[str, float | str] = {}
@@ -269,7 +269,7 @@ def tuned_values(settings: Mapping[str, Any]) -> dict[str, float | str]:
     return values
 
 
-def effect_rows(
+def what_if_rows(
     records: list[Any], config: Config, changes: Mapping[str, float | str]
 ) -> list[list[str]]:
     """Compare the last frames with other settings: rows [figure, as recorded, as changed].

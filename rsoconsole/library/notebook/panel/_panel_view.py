@@ -10,20 +10,20 @@ from rsoconsole.config import PRESETS, Config, with_setting
 from rsoconsole.control import (
     Status,
     fault_words,
-    holder_words,
     limit_words,
+    mount_holder_words,
     mount_words,
-    printable,
     shutter_words,
+    to_printable,
 )
 from rsoconsole.library.notebook.figures.draw_time import NIS_BAND
 from rsoconsole.library.notebook.night import svg
-from rsoconsole.library.notebook.night.night import DrawnNight, night_of, title_of
-from rsoconsole.library.notebook.night.overlay import overlay_svg, words_of
+from rsoconsole.library.notebook.night.night import DrawnNight, make_drawn_night, session_title
+from rsoconsole.library.notebook.night.overlay import frame_caption, overlay_svg
 from rsoconsole.night import Night, NightFrame, consistency_of
 from rsoconsole.records import Record
 from rsoconsole.session import SessionReader
-from rsoconsole.words import altaz, clock, direction
+from rsoconsole.words import altaz, direction, utc_text
 
 LOG_LINES = 12
 _FRAMES = 3
@@ -31,7 +31,10 @@ _FRAMES = 3
 
 
 class LiveNight:
-    """A session as a panel shows it while it goes on. Raises SessionError as its reader does."""
+    """Session that a panel shows while it goes on.
+
+    Its methods raise SessionError where it cannot be read.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._reader = SessionReader(folder)
@@ -41,21 +44,21 @@ class LiveNight:
         self.records: list[Record] = []
         self.picture: tuple[int, bytes] | None = None
         """Newest preview on disk: (frame, PNG)."""
-        about = self._reader.about()
-        self._title = title_of(about, folder)
+        about = self._reader.read_meta()
+        self._title = session_title(about, folder)
         self.fold = Night(folder, about, self.begun_with, newest=None)
 
-    def read(self) -> bool:
+    def read_new_records(self) -> bool:
         """Read new records and the newest preview; return True where there was anything new."""
         before = self.fold.seq
         for seq, t_utc_ns, record in self._reader.records(since_seq=before):
             self.records.append(record)
-            self.fold.take(t_utc_ns, record, seq)
+            self.fold.fold_record(t_utc_ns, record, seq)
         return self._read_picture() or self.fold.seq != before
 
     def night(self) -> DrawnNight:
         """Return the session's frames so far."""
-        return night_of(self._title, self.begun_with, self.fold.frames.seen())
+        return make_drawn_night(self._title, self.begun_with, self.fold.frames.kept_frames())
 
     @property
     def config(self) -> Config:
@@ -69,7 +72,7 @@ class LiveNight:
         return config
 
     def _read_picture(self) -> bool:
-        for frame_id in self.fold.newest_frames()[:_FRAMES]:
+        for frame_id in self.fold.newest_frame_ids()[:_FRAMES]:
             if self.picture is not None and self.picture[0] >= frame_id:
                 return False
             path = self._reader.preview_path(frame_id)
@@ -112,11 +115,11 @@ def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str,
         "detail": detail,
         "state": status.state or "-",
         "is_held": status.is_held,
-        "holder": holder_words(holder, "plain"),
+        "holder": mount_holder_words(holder, "plain"),
         "is_autonomous": holder == "autonomy",
         "wants_resuming": status.is_held or holder == "operator",
         "frame": status.frame_id,
-        "clock": clock(status.now_utc_ns),
+        "clock": utc_text(status.now_utc_ns),
         "alerts": fault_words(status) if is_attached else [],
         "facts": _facts(status),
         "health": [[each.name, each.ok, each.text] for each in status.health],
@@ -130,19 +133,19 @@ def status_view(status: Status, reach: str, detail: str, seat: str) -> dict[str,
 
 
 def night_view(live: LiveNight) -> dict[str, Any]:
-    """Return the record for the page, by name: plots, marks over the picture, log, settings."""
+    """Return the parts of the page by name: plots, marks over the preview, log, settings."""
     night = live.night()
     frame_id = None if live.picture is None else live.picture[0]
     frame = None if frame_id is None else live.fold.frame(frame_id)
     return {
         "title": night.title,
-        "plots": plots(night),
+        "plots": newest_plots_svg(night),
         "overlay": "" if frame is None else overlay_svg(frame),
-        "caption": "no picture yet" if frame is None else words_of(frame),
+        "caption": "no picture yet" if frame is None else frame_caption(frame),
         "slew": _slew_words(live),
         "nis": _nis_words(night),
         "log": [
-            [clock(each.t_utc_ns), each.level, printable(each.text)]
+            [utc_text(each.t_utc_ns), each.level, to_printable(each.text)]
             for each in live.fold.log[-LOG_LINES:]
         ],
         "tunables": [
@@ -152,14 +155,14 @@ def night_view(live: LiveNight) -> dict[str, Any]:
     }
 
 
-def plots(night: DrawnNight) -> dict[str, str]:
+def newest_plots_svg(night: DrawnNight) -> dict[str, str]:
     """Return plots of the newest frames as SVG, by name: confidence, both residuals, NIS."""
-    newest = [(night.seconds(frame), frame) for frame in night.frames[-SHOWN_FRAMES:]]
+    newest = [(night.seconds_since_start(frame), frame) for frame in night.frames[-SHOWN_FRAMES:]]
     if not newest:
         return {}
     t_0, t_1 = newest[0][0], newest[-1][0]
     span = (t_0, t_1 if t_1 > t_0 else t_0 + 1.0)
-    ends = clock(newest[0][1].t_mid_utc_ns), clock(newest[-1][1].t_mid_utc_ns)
+    ends = utc_text(newest[0][1].t_mid_utc_ns), utc_text(newest[-1][1].t_mid_utc_ns)
     return {
         "confidence": _confidence(newest, span, ends),
         "east": _residual(newest, span, ends, 0, "Δα cos δ"),
@@ -173,19 +176,23 @@ _Timed = Sequence[tuple[float, NightFrame]]
 
 
 def _confidence(newest: _Timed, span: tuple[float, float], ends: tuple[str, str]) -> str:
-    axis = svg.Axis(x=span, y=(0.0, 1.0))
+    axis = svg.PlotAxes(x=span, y=(0.0, 1.0))
     taken = [
-        (t_s, f.measured.confidence, f"frame {f.frame_id}: {f.measured.confidence:.2f}")
+        (t_s, f.lead_measured.confidence, f"frame {f.frame_id}: {f.lead_measured.confidence:.2f}")
         for t_s, f in newest
-        if f.measured is not None
+        if f.lead_measured is not None
     ]
-    missed = [(t_s, 0.0, f"frame {f.frame_id}: {f.missed}") for t_s, f in newest if f.missed]
-    tau = svg.line(axis, [(t_s, f.tau) for t_s, f in newest], colour=svg.GREY, dashed=True)
-    marks = svg.dots(axis, taken, colour=svg.RED)
-    holes = svg.dots(axis, missed, colour=svg.AMBER, hollow=True)
+    missed = [
+        (t_s, 0.0, f"frame {f.frame_id}: {f.lead_miss_reason}")
+        for t_s, f in newest
+        if f.lead_miss_reason
+    ]
+    tau = svg.line_svg(axis, [(t_s, f.tau) for t_s, f in newest], colour=svg.GREY, dashed=True)
+    marks = svg.dots_svg(axis, taken, colour=svg.RED)
+    holes = svg.dots_svg(axis, missed, colour=svg.AMBER, hollow=True)
     tau_now = newest[-1][1].tau
     label = f"confidence of {len(taken)} measurements, {len(missed)} missed, tau {tau_now:g}"
-    return svg.drawing(axis, (tau, marks, holes), label=label, ends=ends)
+    return svg.plot_svg(axis, (tau, marks, holes), label=label, ends=ends)
 
 
 def _residual(
@@ -205,28 +212,28 @@ def _residual(
     # A single far wider bound, after a poor measurement, may leave the plot.
     usual = min(2.0 * widths[len(widths) // 2], widths[-1])
     reach = 1.15 * max([usual, *(abs(value) for _, value, _ in points)])
-    axis = svg.Axis(x=span, y=(-reach, reach))
+    axis = svg.PlotAxes(x=span, y=(-reach, reach))
     parts = (
-        svg.line(axis, [(span[0], 0.0), (span[1], 0.0)], colour=svg.GREY, dashed=False),
-        svg.line(axis, bounds, colour=svg.GREY, dashed=True),
-        svg.line(axis, [(t, -bound) for t, bound in bounds], colour=svg.GREY, dashed=True),
-        svg.dots(axis, points, colour=svg.RED),
+        svg.line_svg(axis, [(span[0], 0.0), (span[1], 0.0)], colour=svg.GREY, dashed=False),
+        svg.line_svg(axis, bounds, colour=svg.GREY, dashed=True),
+        svg.line_svg(axis, [(t, -bound) for t, bound in bounds], colour=svg.GREY, dashed=True),
+        svg.dots_svg(axis, points, colour=svg.RED),
     )
     label = f"residuals {what} of {len(points)} updates in their 3 sigma bounds, arcseconds"
-    return svg.drawing(axis, parts, label=label, ends=ends)
+    return svg.plot_svg(axis, parts, label=label, ends=ends)
 
 
 def _nis(newest: _Timed, span: tuple[float, float], ends: tuple[str, str]) -> str:
-    axis = svg.Axis(x=span, y=(0.0, NIS_TOP))
+    axis = svg.PlotAxes(x=span, y=(0.0, NIS_TOP))
     points = [
         (t_s, f.updated.nis, f"frame {f.frame_id}: NIS {f.updated.nis:.2f}")
         for t_s, f in newest
         if f.updated is not None and f.updated.nis is not None
     ]
-    ideal = svg.line(axis, [(span[0], 2.0), (span[1], 2.0)], colour=svg.GREY, dashed=False)
-    parts = (svg.band(axis, *NIS_BAND), ideal, svg.dots(axis, points, colour=svg.BLUE))
+    ideal = svg.line_svg(axis, [(span[0], 2.0), (span[1], 2.0)], colour=svg.GREY, dashed=False)
+    parts = (svg.band_svg(axis, *NIS_BAND), ideal, svg.dots_svg(axis, points, colour=svg.BLUE))
     label = f"NIS of {len(points)} updates against its 95 % band"
-    return svg.drawing(axis, parts, label=label, ends=ends)
+    return svg.plot_svg(axis, parts, label=label, ends=ends)
 
 
 def _nis_words(night: DrawnNight) -> str:
@@ -250,11 +257,11 @@ def _facts(status: Status) -> list[list[str]]:
 
 
 def _slew_words(live: LiveNight) -> str:
-    slew = live.fold.slew
+    slew = live.fold.last_slew
     if slew is None:
         return "none ordered yet"
     place = direction(slew.ra_icrs_deg, slew.dec_icrs_deg)
-    return f"{place} for {clock(slew.t_aim_utc_ns)}, {printable(slew.reason)}"
+    return f"{place} for {utc_text(slew.t_aim_utc_ns)}, {to_printable(slew.reason)}"
 
 
 def _setting(config: Any, name: str) -> Any:

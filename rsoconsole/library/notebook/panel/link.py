@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rsoconsole.base import ControlError, SessionError
-from rsoconsole.control import AskStatus, ControlClient, Poller, Status, printable, read_status
+from rsoconsole.control import AskStatus, ControlClient, Poller, Status, read_status, to_printable
 from rsoconsole.library.notebook.panel._panel_view import LiveNight, night_view, status_view
 from rsoconsole.words import NOT_SHOWN
 
@@ -20,7 +20,7 @@ ANSWER_S = 1.0
 
 
 class PanelLink(Poller):
-    """Poller that reports the engine's status at every turn, and the record when changed."""
+    """Poller that reports the engine's status at every poll, and each change of the record."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class PanelLink(Poller):
         if self._is_closing:
             return
         words = " · ".join(part for part in (detail, self._fault) if part)
-        self._on_status(status_view(self._status, reach, printable(words), self._seat))
+        self._on_status(status_view(self._status, reach, to_printable(words), self._seat))
 
     def _ask(self) -> tuple[str, str]:
         """Ask the engine; return (reach, fault in words)."""
@@ -84,7 +84,7 @@ class PanelLink(Poller):
         try:
             if self.live is None or self.live.folder != folder:
                 self.live = LiveNight(folder)
-            if self.live.read():
+            if self.live.read_new_records():
                 picture = b"" if self.live.picture is None else self.live.picture[1]
                 self._on_night(night_view(self.live), picture)
             self._fault = ""

@@ -13,9 +13,9 @@ from typing import Any
 import anywidget
 import traitlets
 
-from rsoconsole.base import resource
+from rsoconsole.base import resource_path
 from rsoconsole.control import ControlClient, Found, Sender
-from rsoconsole.instruments import stop_past_engine
+from rsoconsole.instruments import stop_without_engine
 from rsoconsole.library.notebook.panel._panel_orders import PanelOrders
 from rsoconsole.library.notebook.panel.link import PanelLink
 
@@ -29,14 +29,14 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
     """Notebook widget that shows the running engine and sends it orders.
 
     It polls the engine on a thread of its own while its page is open, until ``close()``. Orders go
-    by the control socket: seats, checklist and limits are the engine's. STOP goes past an engine
-    that does not answer. While a cell runs, the page is served only where both ends support
-    subshells (JupyterLab 4.4 and ipykernel 7, or later); elsewhere STOP would wait for the cell,
-    and the page says so at once.
+    through the control socket; the engine decides on control, checklist and limits. Where the
+    engine does not answer, STOP goes directly to the mount. While a cell runs, the page is served
+    only where both ends support subshells (JupyterLab 4.4 and ipykernel 7, or later); elsewhere
+    STOP would wait for the cell, and the page says so at once.
     """
 
-    _esm = resource("library", "notebook", "static", "panel.js")
-    _css = resource("library", "notebook", "static", "panel.css")
+    _esm = resource_path("library", "notebook", "static", "panel.js")
+    _css = resource_path("library", "notebook", "static", "panel.css")
 
     read_only = traitlets.Bool(False).tag(sync=True)
     answers_while_busy = traitlets.Bool(True).tag(sync=True)
@@ -116,11 +116,11 @@ class LivePanel(anywidget.AnyWidget):  # type: ignore[misc]
         if content.get("kind") != "here":
             self._orders.receive(content)
         elif was_unseen:
-            self._link.look_now()
+            self._link.poll_now()
 
     def _stop_directly(self, on_found: Callable[[Found], None]) -> None:
         live = self._link.live
-        stop_past_engine(on_found, None if live is None else live.begun_with.indi)
+        stop_without_engine(on_found, None if live is None else live.begun_with.indi)
 
     def _show_status(self, view: dict[str, Any]) -> None:
         self._ticks += 1

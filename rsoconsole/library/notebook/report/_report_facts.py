@@ -1,4 +1,4 @@
-"""Facts for the report: tracks, course of the night, actions of the operator."""
+"""Data for the report: tracks, log of the night, actions of the operator."""
 
 import math
 import statistics
@@ -17,8 +17,8 @@ GEO_WITHIN_ARCSEC_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NightCourse:
-    """Course of a night as lines of its log, in the order of the record."""
+class NightLogLines:
+    """Lines of a night's log in order of time: entries, actions, changes of settings."""
 
     entries: tuple[LogLine, ...]
     actions: tuple[LogLine, ...]
@@ -28,8 +28,8 @@ class NightCourse:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackFacts:
-    """Facts on one track for the report."""
+class TrackSummary:
+    """Summary of one track for the report."""
 
     known: NightTrack
     first: MeasuredRow
@@ -55,8 +55,8 @@ class TrackFacts:
         return math.hypot(east - still, north) < GEO_WITHIN_ARCSEC_S
 
 
-def filter_words(night: DrawnNight) -> str:
-    """Say whether the filter is consistent at the end of the night."""
+def filter_consistency_text(night: DrawnNight) -> str:
+    """Return, in words, whether the filter was consistent at the end of the night."""
     judged = consistency_of(night.frames)
     words = {
         "sound": "the filter's errors are as large as it says",
@@ -67,10 +67,10 @@ def filter_words(night: DrawnNight) -> str:
     return words[judged.verdict]
 
 
-def track_facts(
+def summarise_tracks(
     rows: Sequence[MeasuredRow], known: Mapping[int, NightTrack]
-) -> tuple[TrackFacts, ...]:
-    """Gather facts on the tracks that took a measurement, in the order of ``known``.
+) -> tuple[TrackSummary, ...]:
+    """Summarise the tracks to which measurements are assigned, in the order of ``known``.
 
     ``rows``: the session's measurements; ``known``: the session's tracks by number.
     """
@@ -78,10 +78,10 @@ def track_facts(
     return tuple(_track(known[number], own) for number, own in taken.items() if own)
 
 
-def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
+def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackSummary:
     last = rows[-1]
     rate = (last.rate_ra_arcsec_s, last.rate_dec_arcsec_s)
-    return TrackFacts(
+    return TrackSummary(
         known=known,
         first=rows[0],
         last=last,
@@ -94,18 +94,18 @@ def _track(known: NightTrack, rows: list[MeasuredRow]) -> TrackFacts:
     )
 
 
-def read_course(session: Path) -> NightCourse:
+def read_log_lines(session: Path) -> NightLogLines:
     """Read the log lines of a night, with every order and setting. Raises SessionError."""
     reader = SessionReader(session)
-    night = Night(session, reader.about(), reader.config())
+    night = Night(session, reader.read_meta(), reader.config())
     done: list[LogLine] = []
     for seq, t_utc_ns, record in reader.records():
-        night.take(t_utc_ns, record, seq)
+        night.fold_record(t_utc_ns, record, seq)
         if isinstance(record, OperatorAction | ParameterChange):
             done += filter(None, [line_of(record, t_utc_ns)])
     actions, changes = OperatorAction.__name__, ParameterChange.__name__
     locked = (line.frame_id for line in night.log if line.change[1:2] == ("TRACK",))
-    return NightCourse(
+    return NightLogLines(
         entries=tuple(line for line in night.log if line.kind not in {actions, changes}),
         actions=tuple(line for line in done if line.kind == actions),
         changes=tuple(line for line in done if line.kind == changes),

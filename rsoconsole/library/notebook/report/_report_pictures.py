@@ -1,4 +1,4 @@
-"""Small pictures of a session's frames for the report, within a budget of bytes."""
+"""Small pictures of a session's frames for the report, limited in number and total size."""
 
 import base64
 import io
@@ -15,7 +15,7 @@ from rsoconsole.night import NightFrame
 from rsoconsole.records import Solution
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import sky_to_pixel
-from rsoconsole.words import clock
+from rsoconsole.words import utc_text
 
 MAX_PICTURES = 40
 """Largest number of pictures that are chosen evenly; those of missed frames are added."""
@@ -26,7 +26,7 @@ QUALITY = 72
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class ReportPicture:
     """One frame's picture, as a data URI."""
 
     frame_id: int
@@ -36,17 +36,17 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShownFrame:
-    """A picture with its marks, whose places (x, y) are in per cent of the picture's size."""
+class ReportFrame:
+    """Picture with its marks; their places (x, y) are in per cent of the picture's size."""
 
-    picture: Picture
+    picture: ReportPicture
     caption: str
     is_missed: bool
     taken: tuple[float, float] | None
     predicted: tuple[float, float] | None
 
 
-def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
+def choose_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
     """Return the frames to show: all missed frames, and up to ``MAX_PICTURES`` spread evenly."""
     count = len(frames)
     most = min(count, MAX_PICTURES)
@@ -54,10 +54,10 @@ def chosen_frames(frames: list[int], missed: Iterable[int]) -> list[int]:
     return sorted(even | (set(missed) & set(frames)))
 
 
-def pictures(session: Path, frames: Iterable[int]) -> tuple[Picture, ...]:
+def read_pictures(session: Path, frames: Iterable[int]) -> tuple[ReportPicture, ...]:
     """Return pictures of the frames that have a readable preview, until ``MAX_BYTES`` is spent."""
     reader = SessionReader(session)
-    found: list[Picture] = []
+    found: list[ReportPicture] = []
     spent_bytes = 0
     for frame_id in frames:
         path = reader.preview_path(frame_id)
@@ -71,7 +71,7 @@ def pictures(session: Path, frames: Iterable[int]) -> tuple[Picture, ...]:
     return tuple(found)
 
 
-def _picture(frame_id: int, path: Path) -> Picture | None:
+def _picture(frame_id: int, path: Path) -> ReportPicture | None:
     """Picture of a frame; None for a file that is damaged or gone: a report does without."""
     import cv2
     import numpy as np
@@ -91,7 +91,7 @@ def _picture(frame_id: int, path: Path) -> Picture | None:
     if not ok:
         return None
     text = base64.b64encode(jpeg.tobytes()).decode("ascii")
-    return Picture(
+    return ReportPicture(
         frame_id=frame_id,
         data_uri=f"data:image/jpeg;base64,{text}",
         width_px=width,
@@ -99,23 +99,23 @@ def _picture(frame_id: int, path: Path) -> Picture | None:
     )
 
 
-def shown_frames(
+def report_frames(
     session: Path, night: DrawnNight, rows: tuple[MeasuredRow, ...]
-) -> list[ShownFrame]:
+) -> list[ReportFrame]:
     """Return the frames that the report shows, with their marks. Raises SessionError."""
     frames = {frame.frame_id: frame for frame in night.frames}
-    missed = [number for number, frame in frames.items() if frame.missed is not None]
+    missed = [number for number, frame in frames.items() if frame.lead_miss_reason is not None]
     taken = {row.frame_id: row for row in rows if row.is_taken and not row.is_superseded}
     shown = []
-    for picture in pictures(session, chosen_frames(list(frames), missed)):
+    for picture in read_pictures(session, choose_frames(list(frames), missed)):
         frame, row = frames[picture.frame_id], taken.get(picture.frame_id)
         assert frame.taken is not None
         size = frame.taken.width_px, frame.taken.height_px
         shown.append(
-            ShownFrame(
+            ReportFrame(
                 picture=picture,
                 caption=_caption(frame, row),
-                is_missed=frame.missed is not None,
+                is_missed=frame.lead_miss_reason is not None,
                 taken=None if row is None else _per_cent(row.x_px, row.y_px, size),
                 predicted=_predicted(frame, size),
             )
@@ -124,9 +124,9 @@ def shown_frames(
 
 
 def _caption(frame: NightFrame, row: MeasuredRow | None) -> str:
-    words = f"{frame.frame_id} · {clock(frame.t_mid_utc_ns)}"
-    if frame.missed is not None:
-        return f"{words} · missed: {frame.missed}"
+    words = f"{frame.frame_id} · {utc_text(frame.t_mid_utc_ns)}"
+    if frame.lead_miss_reason is not None:
+        return f"{words} · missed: {frame.lead_miss_reason}"
     return words if row is None else f"{words} · {row.confidence:.2f}"
 
 
@@ -173,10 +173,10 @@ _HEIGHTS_IN = {3.0: 2.8, 5.0: 4.6}
 
 
 def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]:
-    """Return the paper's figures as SVG by name; without a track only that of the confidence.
+    """Return the paper's figures as SVG by name; without a track only the confidence.
 
-    The SVG is well-formed and refers to nothing outside the page. ``with_firsts``: the same night
-    where the measurement that began a track counts as taken by it, for the confidence.
+    The SVG is well-formed and refers to nothing outside the page. ``with_firsts``: the night in
+    which measurements that began a track also count as assigned to it; for the confidence.
     """
     drawn = {}
     for drawing in DRAWINGS.values():

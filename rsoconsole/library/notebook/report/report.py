@@ -12,29 +12,29 @@ from typing import Any
 
 from rsoconsole import __version__
 from rsoconsole.control import one_line
-from rsoconsole.library.formats.api import Export
+from rsoconsole.library.formats.api import ExportResult
 from rsoconsole.library.formats.night import ExportedNight
-from rsoconsole.library.formats.night import read_night as read_rows
+from rsoconsole.library.formats.night import read_exported_night as read_rows
 from rsoconsole.library.formats.rows import MeasuredRow
-from rsoconsole.library.notebook.night.night import DrawnNight, read_night
+from rsoconsole.library.notebook.night.night import DrawnNight, read_drawn_night
 from rsoconsole.library.notebook.report._report_facts import (
-    NightCourse,
-    TrackFacts,
-    filter_words,
-    read_course,
-    track_facts,
+    NightLogLines,
+    TrackSummary,
+    filter_consistency_text,
+    read_log_lines,
+    summarise_tracks,
 )
-from rsoconsole.library.notebook.report._report_pictures import inline_figures, shown_frames
+from rsoconsole.library.notebook.report._report_pictures import inline_figures, report_frames
 from rsoconsole.night import (
     FRAME_FACTS,
-    Summary,
-    facts_of,
+    LeadSummary,
+    frame_quantities,
+    lead_summary,
     median_and_range_text,
     merit,
-    summary_of,
     tracks_of,
 )
-from rsoconsole.pipeline import usual_sigma_s
+from rsoconsole.pipeline import usual_timing_sigma_s
 from rsoconsole.records import (
     ExpectedMembers,
     LeapDone,
@@ -47,13 +47,13 @@ from rsoconsole.records import (
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import day_of
 from rsoconsole.words import (
-    clock,
     count_words,
     date_span_words,
     format_dec,
     format_ra,
     settings_words,
     shutter_words,
+    utc_text,
 )
 
 MAX_PAIRS = 40
@@ -61,7 +61,7 @@ MAX_PAIRS = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PairFacts:
+class PairSummary:
     """A pair of tracks: its last relative motion, and its least separation on record."""
 
     last: PairMotion
@@ -71,7 +71,7 @@ class PairFacts:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UnseenFacts:
+class UnseenObject:
     """A catalogued object that was expected in the field and followed by no track."""
 
     looks: int
@@ -83,9 +83,11 @@ class UnseenFacts:
     last: UnseenMember
 
 
-def field_facts(records: Iterable[Record]) -> tuple[tuple[PairFacts, ...], tuple[UnseenFacts, ...]]:
-    """Return the pairs, the nearest first, and the unseen objects, most often missed first."""
-    pairs: dict[tuple[int, int], PairFacts] = {}
+def find_pairs_and_unseen(
+    records: Iterable[Record],
+) -> tuple[tuple[PairSummary, ...], tuple[UnseenObject, ...]]:
+    """Return the pairs of tracks, closest first, and unseen objects, most often missed first."""
+    pairs: dict[tuple[int, int], PairSummary] = {}
     unseen: dict[int, tuple[int, int, UnseenMember]] = {}
     looks = 0
     for record in records:
@@ -104,7 +106,7 @@ def field_facts(records: Iterable[Record]) -> tuple[tuple[PairFacts, ...], tuple
     return (
         tuple(sorted(pairs.values(), key=lambda each: each.nearest_arcsec)),
         tuple(
-            UnseenFacts(looks=count, of_looks=looks, lit=lit, last=member)
+            UnseenObject(looks=count, of_looks=looks, lit=lit, last=member)
             for _, (count, lit, member) in sorted(
                 unseen.items(), key=lambda item: (-item[1][0], item[0])
             )
@@ -112,10 +114,10 @@ def field_facts(records: Iterable[Record]) -> tuple[tuple[PairFacts, ...], tuple
     )
 
 
-def _nearer(before: PairFacts | None, now: PairMotion) -> PairFacts:
+def _nearer(before: PairSummary | None, now: PairMotion) -> PairSummary:
     if before is not None and before.nearest_arcsec <= now.separation_arcsec:
         return replace(before, last=now)
-    return PairFacts(last=now, nearest_arcsec=now.separation_arcsec, nearest_utc_ns=now.t_utc_ns)
+    return PairSummary(last=now, nearest_arcsec=now.separation_arcsec, nearest_utc_ns=now.t_utc_ns)
 
 
 PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
@@ -123,8 +125,8 @@ PARTS = ("slew_s", "settle_s", "shutter_s", "open_s", "readout_s", "wait_s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PassFacts:
-    """One pass of a low satellite, with the results of its leaps."""
+class PassSummary:
+    """Pass of a low satellite, with the results of its leaps (slews ahead of the satellite)."""
 
     over: LowPass
     leaps: int
@@ -143,7 +145,7 @@ class PassFacts:
     across_arcsec: float | None
 
 
-def pass_facts(records: Iterable[Record]) -> tuple[PassFacts, ...]:
+def summarise_passes(records: Iterable[Record]) -> tuple[PassSummary, ...]:
     """Return the passes on record in a session, in order of time."""
     leaps: dict[int, list[LeapDone]] = {}
     passes: list[LowPass] = []
@@ -155,7 +157,7 @@ def pass_facts(records: Iterable[Record]) -> tuple[PassFacts, ...]:
     return tuple(_facts(each, leaps.get(each.begun_frame_id, [])) for each in passes)
 
 
-def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
+def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassSummary:
     met = [each for each in leaps if each.result == "met"]
     others = [each.result for each in leaps if each.result != "met"]
     count_words = (f"{others.count(kind)} {kind}" for kind in dict.fromkeys(others))
@@ -163,7 +165,7 @@ def _facts(over: LowPass, leaps: Sequence[LeapDone]) -> PassFacts:
         _median([abs(off) for each in met if (off := getattr(each, name)) is not None])
         for name in ("off_along_arcsec", "off_across_arcsec")
     )
-    return PassFacts(
+    return PassSummary(
         over=over,
         leaps=len(leaps),
         met=len(met),
@@ -193,7 +195,7 @@ class Report:
     """The report's page, and a summary of its content."""
 
     html: str
-    made: Export
+    made: ExportResult
 
 
 def render_report(session: Path) -> Report:
@@ -201,15 +203,15 @@ def render_report(session: Path) -> Report:
 
     Raises SessionError when the session cannot be read or holds no frame.
     """
-    night, exported = read_night(session), read_rows(session)
+    night, exported = read_drawn_night(session), read_rows(session)
     known = tracks_of(night.frames)
     log = [record for _, _, record in SessionReader(session).records()]
-    pairs, unseen = field_facts(log)
-    course = read_course(session)
-    figures = summary_of(night.frames)
-    tracks = track_facts(exported.rows, known)
-    said = filter_words(night)
-    shown = shown_frames(session, night, exported.rows)
+    pairs, unseen = find_pairs_and_unseen(log)
+    course = read_log_lines(session)
+    figures = lead_summary(night.frames)
+    tracks = summarise_tracks(exported.rows, known)
+    said = filter_consistency_text(night)
+    shown = report_frames(session, night, exported.rows)
     rows, changes = exported.rows, exported.about.get("tried")
     html = (
         _environment()
@@ -229,7 +231,7 @@ def render_report(session: Path) -> Report:
             pairs=pairs[:MAX_PAIRS],
             pairs_left_out=max(len(pairs) - MAX_PAIRS, 0),
             unseen=unseen,
-            passes=pass_facts(log),
+            passes=summarise_passes(log),
             drawings=inline_figures(night, _with_firsts(night, rows)),
             alts=_alts(night, figures),
             pictures=shown,
@@ -241,7 +243,7 @@ def render_report(session: Path) -> Report:
             version=__version__,
         )
     )
-    made = Export(
+    made = ExportResult(
         format="html",
         measurements=len(rows),
         tracks=len(tracks),
@@ -262,7 +264,7 @@ def _environment() -> Any:
     )
     environment.filters["ra"] = lambda deg: format_ra(deg, 3)
     environment.filters["dec"] = lambda deg: _minus(format_dec(deg, 2))
-    environment.filters["clock"] = lambda t_utc_ns: clock(t_utc_ns, zone="")
+    environment.filters["clock"] = lambda t_utc_ns: utc_text(t_utc_ns, zone="")
     environment.policies["truncate.leeway"] = 0
     environment.filters["fixed"] = _fixed
     environment.filters["one_line"] = one_line
@@ -284,18 +286,21 @@ def _minus(text: str) -> str:
 
 
 def _conclusion(
-    night: DrawnNight, figures: Summary, tracks: tuple[TrackFacts, ...], said: str
+    night: DrawnNight, figures: LeadSummary, tracks: tuple[TrackSummary, ...], said: str
 ) -> str:
     """The night in a sentence or three."""
     exposures = count_words(len(night.frames), "exposure")
     if not tracks:
-        measured = sum(bool(f.others) or f.measured is not None for f in night.frames)
+        measured = sum(
+            bool(f.other_measurements) or f.lead_measured is not None for f in night.frames
+        )
         return f"Nothing was followed: {exposures}, something was measured in {measured} of them."
     objects = "One object was" if len(tracks) == 1 else f"{len(tracks)} objects were"
     first, last = tracks[0].first.t_mid_utc_ns, tracks[-1].last.t_mid_utc_ns
     count = sum(track.count for track in tracks)
     words = (
-        f"{objects} followed from {clock(first, zone='')} to {clock(last, zone='')} UTC"
+        f"{objects} followed from {utc_text(first, zone='')}"
+        f" to {utc_text(last, zone='')} UTC"
         f" and measured {count_words(count, 'time')} in {exposures}, {_misses(figures.misses)}."
     )
     if len(tracks) == 1 and tracks[0].is_geostationary:
@@ -316,7 +321,7 @@ def _misses(number: int) -> str:
     return "with one miss" if number == 1 else f"with {number} misses"
 
 
-def _key_figures(figures: Summary, course: NightCourse) -> list[tuple[str, str, str]]:
+def _key_figures(figures: LeadSummary, course: NightLogLines) -> list[tuple[str, str, str]]:
     """Cells (label, figure, note) of the head's row."""
     beside = {
         merit.LOCK: "" if course.locked_frame is None else f"with frame {course.locked_frame}",
@@ -343,9 +348,9 @@ def _with_firsts(night: DrawnNight, rows: tuple[MeasuredRow, ...]) -> DrawnNight
     return replace(night, firsts=frozenset(firsts))
 
 
-def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
+def _alts(night: DrawnNight, figures: LeadSummary) -> dict[str, str]:
     """The figures in words."""
-    measured = [f.measured.confidence for f in night.frames if f.measured is not None]
+    measured = [f.lead_measured.confidence for f in night.frames if f.lead_measured is not None]
     alts: dict[str, str] = {}
     if measured:
         alts["confidence"] = (
@@ -366,13 +371,13 @@ def _alts(night: DrawnNight, figures: Summary) -> dict[str, str]:
 def _shutter(exported: ExportedNight) -> str:
     exposure = exported.config.exposure
     if not exposure.calibrated or not exported.rows:
-        return f"shutter known to {usual_sigma_s(exposure) * 1e3:g} ms"
+        return f"shutter known to {usual_timing_sigma_s(exposure) * 1e3:g} ms"
     return shutter_words(exposure, day_of(exported.rows[0].t_mid_utc_ns))
 
 
 def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
     """Image and sky quality of the night's frames."""
-    facts = [facts_of(frame.detections) for frame in night.frames]
+    facts = [frame_quantities(frame.detections) for frame in night.frames]
     for fact in FRAME_FACTS:
         if said := median_and_range_text(fact, [each[fact.name] for each in facts]):
             yield f"{fact.label[0].upper()}{fact.label[1:]}", said
