@@ -32,7 +32,7 @@ OPERATOR = Sender()
 
 
 class ControlClient:
-    """Client of the operator's wire; it sends one command at a time."""
+    """Client of the operator's wire; each command has a connection of its own."""
 
     def __init__(self, path: Path | None = None, sender: Sender = OPERATOR) -> None:
         self._path = path if path is not None else default_socket_path()

@@ -100,9 +100,10 @@ def mount_words(status: Status, name: str = "mount ") -> tuple[str, ...]:
 
 
 def motion_words(status: Status) -> str:
-    """Return the mount's measured motion in words.
+    """Return the mount's motion in words: as measured, else marked as the driver's word.
 
-    If it is not measured, return what the driver reports, marked as the driver's word.
+    For a slewing or parked mount, return what the driver reports, and what was measured where that
+    contradicts it.
     """
     measured, claimed = _measured(status), _claimed(status)
     if status.is_parked:

@@ -142,7 +142,10 @@ class PendingOutcome:
     """Waits for the outcome, the given number of seconds at most, and returns it."""
 
     def outcome(self, deadline: float = math.inf) -> Outcome:
-        """Wait for the outcome until the monotonic time ``deadline``, s, and return it."""
+        """Wait for the outcome, at most until the monotonic time ``deadline``, s, and return it.
+
+        The wait ends at ``until_s`` if that is earlier.
+        """
         return self.wait(max(0.0, min(self.until_s, deadline) - time.monotonic()))
 
 

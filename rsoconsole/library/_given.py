@@ -263,9 +263,9 @@ def records_table(
 ) -> "QTable":
     """Return records as a ``QTable`` with the columns of a session's table ``name``.
 
-    ``sessions/README.md`` describes these tables. ``names``: frame names by frame number, for an
-    added first column ``frame``. ``extra``: columns to append; ``more``: their values, one mapping
-    for each row.
+    The columns ``seq``, ``t_utc_ns`` and ``is_superseded`` are left out. ``sessions/README.md``
+    describes these tables. ``names``: frame names by frame number, for an added first column
+    ``frame``. ``extra``: columns to append; ``more``: their values, one mapping for each row.
     """
     rows = public_table_rows(
         name, [(seq, 0, record) for seq, record in enumerate(records, start=1)]

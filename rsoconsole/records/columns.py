@@ -318,9 +318,10 @@ TABLES: Mapping[str, Table] = MappingProxyType({each.name: each for each in _ABO
 
 
 def column_value(record: Any, column: Column) -> Any:
-    """Return the value of a column for a row; None where the row has no such member.
+    """Return the value of a column for a row; None where the column's path leads to nothing.
 
-    ``record``: the record, or the part of it that is the row.
+    That is a member that is None, or an index past the end; a name that the record's class lacks
+    raises AttributeError. ``record``: the record, or the part of it that is the row.
     """
     value = record
     for step in column.record_path.split("."):
@@ -334,7 +335,7 @@ def column_value(record: Any, column: Column) -> Any:
 
 
 def tables_markdown() -> str:
-    """Return a Markdown list of all tables with their columns, for ``sessions/README.md``."""
+    """Return the Markdown table of all tables with their columns, for ``sessions/README.md``."""
     lines = ["| view | a row is | columns beside those three |", "|---|---|---|"]
     for table in TABLES.values():
         named = ", ".join(column.name for column in table.columns[len(HEAD) :])
@@ -343,7 +344,7 @@ def tables_markdown() -> str:
 
 
 def with_tables_markdown(page: str) -> str:
-    """Return a Markdown page with its list of tables replaced by the present one."""
+    """Return a Markdown page with its table of tables replaced by the present one."""
     first, *_, last = (line for line in page.splitlines() if _is_of_table(line))
     before, _, rest = page.partition(first)
     return before + tables_markdown() + rest.partition(last)[2]

@@ -165,6 +165,7 @@ def initiate_tracks(  # noqa: PLR0917 -- one call, each argument a different thi
 ) -> tuple[tuple[LiveTrack, ...], set[Measurement]]:
     """Initiate tracks by chains of frames that agree; return them and all measurements used.
 
+    Chains are used in the order of their last measurements in ``usable``, the surest first.
     ``alive``: the existing tracks; together with the new ones there are at most as many as the
     settings allow.
     """

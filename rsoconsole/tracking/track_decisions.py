@@ -25,7 +25,7 @@ DROPPED = NotTaken(kind="dropped")
 def with_operator_decisions(
     before: Following, seen: FrameInput, settings: FollowSettings
 ) -> Following:
-    """Return the state before a frame, after applying the operator's decisions for that frame."""
+    """Return the state before a frame, after the operator's decisions that hold from it on."""
     if before.dropped:
         most_s = settings.filter.max_coast_s
         known = (

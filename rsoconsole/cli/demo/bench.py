@@ -85,7 +85,10 @@ def _heat(before_c: float | None, after_c: float | None) -> str:
 
 
 def draw_bench_frame(config: Config) -> bytes:
-    """Return a simulated FITS frame by the configured optics, a satellite in its middle."""
+    """Return a simulated frame of the configured optics and exposure as a FITS file's bytes.
+
+    A satellite is in its middle.
+    """
     import numpy as np
 
     from rsoconsole.orbits import Satellite

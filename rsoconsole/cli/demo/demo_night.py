@@ -141,7 +141,7 @@ def target_names(night: SimulatedNight) -> dict[int, str]:
 
 
 def demo_socket(scratch: Path) -> Path | None:
-    """Return a socket path in ``scratch``; None where no engine uses the default path."""
+    """Return None, for the default socket path, if no engine uses it; else one in ``scratch``."""
     from rsoconsole.control import EngineLock, default_socket_path
 
     try:

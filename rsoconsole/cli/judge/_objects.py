@@ -63,11 +63,12 @@ def objects_figures(
     - ``visible_frames``: number of frames with its mid-exposure position in the field and an
       integrated SNR of at least ``VISIBLE_SNR``.
     - ``track_frames``: number of frames in which its track accepted a measurement of it.
-    - ``measured_rms_arcsec``: error of its measurements; of a clipped streak only across the
+    - ``measured_rms_arcsec``: error of all measurements of it; of a clipped streak only across the
       streak.
     - ``prediction_rms_arcsec``: error of its track's predictions, one step ahead.
     - ``identified``: whether the last identification of its track is right; None without one.
-    - ``false_measurements``: number of measurements of other objects that its track accepted.
+    - ``false_measurements``: number of measurements accepted by its track that are not of the
+      object: of another one, or of none.
     - ``detected_after_lock``: frames after its track's first one in which it was detected.
     - ``tracked_after_lock``: frames of ``detected_after_lock`` in which its track accepted it.
     - ``inside_3sigma``: fraction of visible frames with the truth inside the prediction's 3-sigma
@@ -75,10 +76,10 @@ def objects_figures(
     - ``nis_mean``: mean NIS.
     - ``whiteness``: lag-one correlation of the innovations in units of their sigmas; sound within
       2 / sqrt(n).
-    - ``longest_wrong``: longest run of visible frames in which the lead track accepted an object
-      other than the first one locked.
+    - ``longest_wrong``: longest run of frames, with the first object locked in the field, in which
+      the lead track accepted a measurement that is not of it.
     - ``swapped_frames``: number of frames in which its track accepted another object's streak
-      although the two are far enough apart to be told apart (``APART_FWHM``).
+      although the frame can show the two apart (``APART_FWHM``).
     """
     judge = _Judge({number: _Tally(name) for number, name in targets.items()})
     for frame, truth in views:

@@ -41,8 +41,8 @@ _ON_RECORD = (
 def leap_figures(leaps: Sequence[LeapDone], passes: Sequence[LowPass]) -> dict[str, Any] | None:
     """Return the summary's figures of leaps and passes of low satellites; None without any.
 
-    They are the numbers of leaps made and of leaps that met the satellite, the medians of a
-    leap's durations (s), and each pass.
+    They are the numbers of leaps made, of leaps that met the satellite and of leaps ordered as the
+    shutter closed, the medians of a leap's durations (s), and each pass.
     """
     if not leaps and not passes:
         return None
@@ -157,13 +157,13 @@ def summarise(
     truth: Sequence[Mapping[str, Any]],
     targets: Mapping[int, str] | None = None,
 ) -> dict[str, Any]:
-    """Return the figures of ``rsoconsole demo --headless`` except scenario, seed, session.
+    """Return the figures of ``rsoconsole demo --headless`` that come from records and truth.
 
     ``records``: in the session's order. ``truth``: one object per exposure as the simulated
     observatory wrote it. ``targets``: names, by catalogue number, of the satellites for which the
     night was made. Errors are root mean squares of distances on the sky. ``measured_rms_arcsec``
-    covers the followed satellite's measurements alone; its neighbours have a figure of their
-    own.
+    covers the followed satellite's measurements, and its neighbours have a figure of their own;
+    where none was followed it covers those of all satellites.
     """
     log = list(records)
     frames = [each for each in frames_of(log) if each.taken is not None]

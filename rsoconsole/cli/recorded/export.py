@@ -67,7 +67,8 @@ def export(
 ) -> None:
     """Export a night: tables, CCSDS TDM, IOD, UDL, solved FITS, DS9 regions, a report.
 
-    csv, ecsv, jsonl: every measurement with its errors, and whether the track accepted it.
+    csv, ecsv, jsonl: every measurement with its errors, whether a track accepted it or why none
+    did, and the track's prediction, residual, NIS and state after it.
 
     tdm, tdm-xml, iod, udl: the measurements that the tracks accepted, in exchange formats;
     without streaks that the frame's edge cuts. udl is a file of EOObservation records; nothing is

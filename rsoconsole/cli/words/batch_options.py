@@ -54,7 +54,10 @@ class ProgressBar:
 
 
 def stderr_progress_bars(*columns: "ProgressColumn") -> "Progress":
-    """Return progress bars with these columns on stderr; hidden without a terminal."""
+    """Return progress bars with these columns on stderr, removed when they end.
+
+    Without a terminal they are hidden.
+    """
     from rich.console import Console
     from rich.progress import Progress
 
@@ -71,7 +74,10 @@ def stderr_progress_bars(*columns: "ProgressColumn") -> "Progress":
 
 @contextlib.contextmanager
 def progress_bar(words: str, total: int | None = None) -> Iterator[ProgressBar]:
-    """Context of a progress bar on stderr, up to ``total`` steps; None: only count the steps."""
+    """Context of a progress bar on stderr, labelled ``words``; no bar without a terminal.
+
+    ``total``: number of steps; None: it only counts the steps.
+    """
     if not sys.stderr.isatty():
         yield ProgressBar()
         return

@@ -1,4 +1,4 @@
-"""Keys that act only on a second press, as they end a track or take control."""
+"""Keys that act only on a second press: they end a track or take the mount from autonomy."""
 
 from collections.abc import Callable
 from typing import Literal

@@ -78,12 +78,16 @@ class TelescopeActions:
             self._asked_again_s = -math.inf
 
     def handle_stop(self) -> None:
-        """Cancel a pending request to follow the kept track again, because STOP was given."""
+        """Note the time of a STOP; cancel a pending request to follow the kept track again."""
         self.at_rest_since_s = self._seat.now_s()
         self._asked_again_s = -math.inf
 
     def handle_control_change(self, before: EngineView) -> None:
-        """Update pending requests after control changed; ``before``: previous engine status."""
+        """Note the time if autonomy lost the mount; end a pending request to follow again.
+
+        The request ends where autonomy lost the mount or no track is kept any more. ``before``: the
+        engine's previous status.
+        """
         seat = self._seat
         is_lost = before.holder == "autonomy" != seat.engine.holder
         if is_lost:

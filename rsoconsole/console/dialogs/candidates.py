@@ -79,7 +79,7 @@ class CandidatesDialog(PagedDialog[None]):
 def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
     """Return a frame's streaks as text: a line for each, then its reason if there is one.
 
-    ``tau``: lowest confidence that counts as a detection.
+    ``tau``: confidence that a detection must exceed.
     """
     found = detail.detections
     if found is None:

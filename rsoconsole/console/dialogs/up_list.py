@@ -49,7 +49,10 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         self._order: Order = "altitude"
 
     def load_rows(self) -> None:
-        """Compute the list on a thread of its own; large catalogues take a second."""
+        """Compute the list, which takes a second for large catalogues; runs on a thread.
+
+        It waits there until the night's settings are read.
+        """
         from rsoconsole.pipeline import read_catalogue, visible_satellites
 
         while (config := self._config()) is None:

@@ -150,12 +150,20 @@ _CURSOR = re.compile(r"\x1b\[\d+;\d+H")
 
 
 def without_terminal_commands(text: str) -> str:
-    """Return the text with each control character replaced by one blank."""
+    """Return the text without control characters, as wide as before.
+
+    Each is replaced by as many blanks as it has columns, most of them by none. Characters that turn
+    or hide the text beside them count as control characters too.
+    """
     return _COMMANDS.sub(lambda found: " " * cell_len(found.group()), text)
 
 
 class ControlCharacterFilter(LineFilter):
-    """Filter that removes control characters from lines, except from terminal commands."""
+    """Filter that removes control characters, also those of terminal commands inside text.
+
+    Only a segment that is a command as a whole stays: one marked as control, or the cursor command
+    beside a sixel picture, in a segment without style.
+    """
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:  # noqa: ARG002 -- as Textual asks
         """Return one line without control characters."""

@@ -201,9 +201,9 @@ def confidence_strip(columns: Sequence[PlotColumn], tau: float, width: int) -> L
 def residual_axis_limit(columns: Sequence[PlotColumn]) -> float:
     """Return the upper end of the residuals' symmetric axis, a round number.
 
-    It is set by the median bound, because bounds just after a miss are many times as wide and would
-    flatten all residuals. Residuals far beyond nearly all others are left out and drawn as arrows.
-    Bounds of coasted frames are used only where there are no measured values.
+    The axis holds the residuals, except those far beyond nearly all others, which are drawn as
+    arrows, and the median bound: bounds just after a miss are many times as wide and would flatten
+    all residuals. Bounds of coasted frames are used only where there are no measured values.
     """
     measured = [c for c in columns if c.value is not None]
     values = [abs(c.value) for c in measured if c.value is not None]

@@ -162,7 +162,7 @@ LABEL_INKS: dict[str, Ink] = {"free": "good", "weak geometry": "warn", "not obse
 
 
 def orbit_lines(shown: OrbitPaneContents, width: int, height: int) -> list[Line]:
-    """Return as many of the pane's lines as fit, the lowest ranks first."""
+    """Return the pane's lines that fit, in their order; the highest ranks are left out first."""
     estimate = shown.estimate
     lines: list[Ranked] = [(0, _title(shown, width))]
     if estimate is None:

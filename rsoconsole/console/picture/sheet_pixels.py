@@ -315,7 +315,9 @@ class ZoomedFrame:
         return self.at(self.x_px + across * step, self.y_px + down * step)
 
     def at(self, x_px: float, y_px: float) -> "ZoomedFrame":
-        """Return the view with the cross at the frame's pixel nearest to this place."""
+        """Return the view with the cross at a place, pixels; a place outside is moved to the
+        edge.
+        """
         x = min(max(x_px, 0.0), self.width_px - 1.0)
         y = min(max(y_px, 0.0), self.height_px - 1.0)
         return replace(self, x_px=x, y_px=y)

@@ -64,8 +64,8 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
     def on_key(self, event: events.Key) -> None:
         """Pass arrows and enter to an unfinished mark.
 
-        A key other than the last one cancels a command that waits for the second press of its
-        key.
+        A key other than the last one cancels a command that waits for the second press of its key,
+        or after that for the moment to be carried out.
         """
         if event.key != self._key_before:
             self.twice.press.forget()
@@ -118,7 +118,10 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
             self.streaks.click(message)
 
     def stop(self) -> None:
-        """Send STOP, and cancel every command that waits for a second press of its key."""
+        """Send STOP, and cancel every command of a key pressed before that still waits.
+
+        It waits for the second press of its key, or after that for the moment to be carried out.
+        """
         self.telescope.handle_stop()
         self.twice.press.forget()
         super().stop()
@@ -190,7 +193,10 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
     # -- the console's own keys -----------------------------------------------------------------
 
     def action_leave(self) -> None:
-        """Leave the console; while an engine runs, first ask whether to keep it running."""
+        """Leave the console; first ask whether to keep the engine running, if it is attached.
+
+        A console that may only read leaves without asking.
+        """
         if self.read_only or not self.engine.is_attached:
             self.app.exit("quit")
             return

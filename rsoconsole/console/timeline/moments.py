@@ -103,7 +103,7 @@ class MomentReader:
         return self._head.is_closed
 
     def close(self) -> None:
-        """Record that the session is closed; nothing is released."""
+        """Mark the session as closed; nothing is written or released."""
         self._head.close()
 
     def read_for(self, for_s: float) -> bool:

@@ -149,7 +149,11 @@ class Tuning:
         self.sent = {n: v for n, v in self.sent.items() if self.changes.get(n) == v}
 
     def step(self, by: int) -> None:
-        """Change the chosen setting's value on trial, at first the one in force, by steps."""
+        """Move the chosen setting's value on trial ``by`` steps, at first from the one in force.
+
+        A value that is in force is not on trial any more. Does nothing if none is known to be in
+        force.
+        """
         tunable = self.tunables[self.row]
         present = self.present.get(tunable.name)
         if present is None:

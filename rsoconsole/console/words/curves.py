@@ -188,7 +188,7 @@ def _hint(night: NightView, looks: Sequence[SolvedPointing], drift: Drift) -> li
 
 
 def polar_error_words(hint: PolarHint) -> list[str]:
-    """Return the error of the polar axis in words, in lines of at most 40 columns."""
+    """Return the error of the polar axis in words, in short lines."""
     if hint.axis == "both":
         return [
             "polar axis: here both its errors mix;",

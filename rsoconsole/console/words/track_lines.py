@@ -148,7 +148,7 @@ def _state(track: FollowedTrack) -> str:
 
 
 def track_name_words(night: NightView, track_id: int) -> str:
-    """Return a track's catalogue name, or that its object is unknown; "-": none yet."""
+    """Return a track's catalogue name, or what its unknown object is called; "-": none yet."""
     return one_line(identity_words(night.identifications.get(track_id)))
 
 

@@ -42,7 +42,11 @@ class SearchSequence:
         self._config = config
 
     def start(self, direction: Direction, t_utc_ns: int) -> None:
-        """Start a search at the configured place, or around ``direction`` where none is set."""
+        """Start a search at the configured place, completed by ``direction``.
+
+        ``direction`` gives a missing hour angle and, with pattern ``stay``, a missing declination;
+        with other patterns a missing declination is that of the geostationary belt.
+        """
         self._home = search_base(self._config.search, self._site, *direction, t_utc_ns)
         self._refused.clear()
         self.return_to_first_field()

@@ -137,7 +137,7 @@ class InstrumentController:
     def is_on_its_way_to_park(self, report: MountReport) -> bool:
         """Return True while the mount moves to its park position.
 
-        For drivers that do not report this, any slew after an order to park counts.
+        Some drivers do not report this; so a slew also counts if the last order was to park.
         """
         return report.is_slewing and (report.is_parking or self._is_sent_to_park)
 
@@ -172,11 +172,9 @@ class InstrumentController:
 
         ``poll_ns``: interval between two reports, ns; ``settle_s``: time to settle, s, None for the
         configured time. A mount that stops a little beside the target is sent there again, up to
-        twice, because some mounts lose the sky's motion during a long slew.
-
-        Raises MountMovedByOthers when the mount rests far from the target: somebody else has
-        stopped it, and it is left there. Raises InstrumentError when it does not arrive in time,
-        Interrupted on STOP.
+        twice, because some mounts lose the sky's motion during a long slew. Raises StoppedElsewhere
+        when the mount rests far from the target: somebody else has stopped it, and it is left
+        there. Raises InstrumentError when it does not arrive in time, Interrupted on STOP.
         """
         limit_ns = self.now_utc_ns() + round(self._config.mount.slew_timeout_s * NS)
         for sent_again in itertools.count():

@@ -57,7 +57,11 @@ class Planner:
         self._search.configure(config)
 
     def start_search(self, report: MountReport, now_utc_ns: int) -> None:
-        """Start a search at the configured place, else around where the mount points."""
+        """Start a search at the configured place, completed by where the mount points.
+
+        The mount's direction gives a missing hour angle and, with pattern ``stay``, a missing
+        declination; with other patterns a missing declination is that of the geostationary belt.
+        """
         self._search.start(self.looking_at(report), now_utc_ns)
         self._is_block_reported = self._is_waiting = False
         self._stands_at(report)

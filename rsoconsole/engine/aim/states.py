@@ -56,7 +56,10 @@ class Authority:
 
     @property
     def is_responsible(self) -> bool:
-        """True where autonomy must keep the mount safe: it has control, or lost it by a FAULT."""
+        """True where autonomy must keep the mount safe: it has control, or a FAULT took it away.
+
+        False in the FAULT after a STOP that the mount did not obey.
+        """
         return self.is_autonomous or self.was_autonomous
 
     @property
@@ -69,7 +72,7 @@ class Authority:
 
     @property
     def holder(self) -> Holder:
-        """Who has control of the mount: autonomy, the operator or nobody."""
+        """Controller of the mount: autonomy, the operator or nobody."""
         if self.is_autonomous:
             return "autonomy"
         return "operator" if self.state == "MANUAL" else "nobody"
@@ -84,7 +87,7 @@ class Armed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disarmed:
-    """Trigger: the operator takes control from autonomy without moving the mount."""
+    """Trigger: the operator disarms without moving the mount; nobody has control after it."""
 
     by: str
 
@@ -118,7 +121,7 @@ class Held:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resumed:
-    """Trigger: the operator gives control back, or resumes a track that was ended."""
+    """Trigger: the operator ends a hold, gives control back, or resumes an ended track."""
 
     by: str
 

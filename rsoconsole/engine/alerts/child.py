@@ -30,10 +30,10 @@ HOUR_S = 3600.0
 
 @dataclass(slots=True)
 class Limiter:
-    """Limits how many alerts are sent.
+    """Limits how many alerts are sent; an alert that is held back is not sent later.
 
-    Urgent alerts (faults and limits) are counted separately, and only an equal text delays them;
-    any other alert is delayed by an earlier one of its kind.
+    Urgent alerts (faults and limits) are counted separately, and only one with an equal text holds
+    another back; any other alert is held back by an earlier one of its kind.
     """
 
     events: Collection[AlertKind]

@@ -80,7 +80,7 @@ class AlertProcess:
         self._thread.start()
 
     def close(self) -> None:
-        """Tell the alert process to end once its messages are sent; returns at once."""
+        """Tell the alert process to end once its messages are sent; waits 1 s at most."""
         self._end.set()
         if self._thread is not None:
             self._thread.join(1.0)

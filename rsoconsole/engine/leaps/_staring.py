@@ -47,7 +47,7 @@ class Staring:
         self._stare = None
 
     def next_plan(self, pose: Pose, now_ns: int) -> AimPlan:
-        """Plan a stare's next exposure, and move the mount back where tracking has moved it.
+        """Plan a stare's next exposure; move the mount back once tracking has led it away.
 
         Raises what ``Slews.order`` raises.
         """

@@ -88,7 +88,9 @@ class FrameTurn:
         self.ahead = aim_ahead(ahead, self._control.following, self._control.config)
 
     def one_exposure(self) -> None:
-        """Run one frame: expose, reduce, follow, order the next slew, then record."""
+        """Run one frame: wait for the mount, expose, reduce, follow, order the next slew,
+        record.
+        """
         plan = self._plan or self._order_next()
         self._plan = None
         poll_ns, settle_s = POLL_NS, None

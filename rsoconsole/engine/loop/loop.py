@@ -295,7 +295,10 @@ class Engine:
             self.planner.moved_by_hand(report)
 
     def expect_night(self) -> None:
-        """Raise ValueError where dome, weather or daylight would end autonomy at once."""
+        """Raise ValueError where dome, weather or daylight would end autonomy at once.
+
+        Does nothing where autonomy has control already.
+        """
         end = None if self.authority.is_autonomous else self.watch.night_end()
         if end is not None:
             raise ValueError(f"{end.detail}: autonomy gets the mount back when that has passed")

@@ -78,7 +78,7 @@ class LimitStop:
         return how != self._how
 
     def words(self, how: How, *, parks: bool) -> str:
-        """Return the orders that ``end_motion`` gives, in words."""
+        """Return the orders that ``end`` gives, in words."""
         able = self._abilities()
         if how == "slews":
             lacks = "" if able.can_abort else "it knows no ABORT"

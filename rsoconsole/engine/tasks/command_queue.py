@@ -141,7 +141,9 @@ class CommandQueue:
 
     @contextlib.contextmanager
     def while_executing(self) -> Iterator[None]:
-        """Keep urgent commands from interrupting the loop while entered; alarms still do."""
+        """Keep urgent commands from interrupting the loop while entered; STOP and alarms still
+        do.
+        """
         self._is_executing = True
         try:
             yield

@@ -32,7 +32,7 @@ class Faults:
         self._was_blind, self._stop = False, None
 
     def add_disobeyed_stop(self, stopped: Stopped, words: str, now_utc_ns: int) -> None:
-        """Add a STOP that the mount did not obey; it stays a fault until the mount rests.
+        """Add a disobeyed STOP; it stays a fault until the mount is measured to be at rest.
 
         ``words``: the fault, which replaces all others.
         """

@@ -51,9 +51,9 @@ class Slews:
     def order_next(self, following: Following, *, is_held: bool) -> AimPlan:
         """Plan the next exposure and order its slew; return while the mount is on its way.
 
-        ``is_held``: the operator's hold is on, so that no slew is ordered. Raises
-        NoAllowedFieldError when no field of the search is left, MountMovedByOthers when somebody
-        else has moved the mount, Interrupted instead of moving the mount.
+        ``is_held``: the operator's hold is on, so that no slew is ordered. Raises NowhereError when
+        no field of the search is left, StoppedElsewhere when somebody else has moved the mount,
+        Interrupted instead of moving the mount.
         """
         self._expect_mount_where_left(self._instrument_controller.mount_report())
         plan = self._planner.plan(
@@ -75,7 +75,7 @@ class Slews:
     def order(self, plan: AimPlan, *, t_until_utc_ns: int) -> SlewRefusal | None:
         """Order a plan's slew unless a limit forbids it; return that refusal, else None.
 
-        ``t_until_utc_ns``: end of the stay there. Raises MountMovedByOthers when somebody else has
+        ``t_until_utc_ns``: end of the stay there. Raises StoppedElsewhere when somebody else has
         moved the mount, Interrupted instead of moving it.
         """
         if plan.slew is None:
@@ -103,7 +103,7 @@ class Slews:
         """Wait until the plan's slew is done; return True where the last plate solution is void.
 
         ``is_held``: the operator's hold is on; ``settle_s``: time to settle after the arrival, s,
-        None for the configured time. Raises MountMovedByOthers when somebody else has moved or
+        None for the configured time. Raises StoppedElsewhere when somebody else has moved or
         stopped the mount, InstrumentError when it does not arrive.
         """
         if plan.slew is not None:

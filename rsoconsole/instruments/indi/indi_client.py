@@ -212,7 +212,7 @@ class IndiClient(ABC):
             return self._vectors.get(name)
 
     def last_update_number(self) -> int:
-        """Return the number of the latest update, counted over all properties of the device."""
+        """Return the number of the latest update: properties and messages are counted together."""
         with self._changed:
             return self._serial
 

@@ -54,11 +54,11 @@ def stop_mount(
     on_result: Callable[[StopResult], None] = lambda _result: None,
     measures: bool = True,
 ) -> StopResult:
-    """Send ABORT, read the driver's answer, set tracking, and measure the motion.
+    """Send ABORT, read the answer to it, set tracking by ``after_stop``, measure the motion.
 
     ``had_tracking``: whether the mount tracked before; None: as its driver reports; needed where
-    the other path may already have sent ABORT. ``on_result``: called first with the result of
-    ABORT, after ``timeout_s`` and the time to set tracking at the latest, then whenever the kind of
+    another path may already have sent ABORT. ``on_result``: called first with the result of ABORT,
+    after ``timeout_s`` and the time to set tracking at the latest, then whenever the kind of
     measured motion changes. ``measures``: False: end before the measurement, which takes some
     seconds, or half a minute where the mount still moves. ``watched.is_over``: ends everything.
 

@@ -82,9 +82,10 @@ class MountStop:
         self._on_news(news)
 
     def end(self, detail: str = "", *, is_superseded: bool = False) -> None:
-        """End the measurement; where no motion was measured, report an unknown motion.
+        """End the measurement, and report an unknown motion where none was measured.
 
-        ``detail``: reason in that report; ``is_superseded``: True where another order ended it.
+        It is also reported where another order ended a measurement under way (``is_superseded``).
+        ``detail``: reason in that report.
         """
         if not self.is_over and (self._last is None or is_superseded):
             known = self._answered or self._result(is_answered=False, path="mount")

@@ -6,7 +6,7 @@ a limit. The mount's own process does both, even where the engine has died or ha
 
 
 class Lease:
-    """Lease of one mount; it begins with the first slew or the first renewal by an engine."""
+    """Lease of one mount; nothing applies before the first slew or ``MountWatch.keep``."""
 
     def __init__(self, lease_s: float) -> None:
         """``lease_s``: wall seconds without any order after which a slew counts as unwatched."""
@@ -29,7 +29,7 @@ class Lease:
             self._ends_s = now_s + self.lease_s
 
     def has_lapsed(self, now_s: float) -> bool:
-        """Return True where no order has come for the length of the lease."""
+        """Return True where no order has come for the length of a lease that has begun."""
         return self._ends_s is not None and now_s >= self._ends_s
 
     def unwatched_s(self, now_s: float) -> float:

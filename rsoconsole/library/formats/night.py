@@ -88,7 +88,9 @@ class ExportedNight:
         return exposure.timing_sigma_s if taken is None else frame_timing(taken, exposure).sigma_s
 
     def table_metadata(self) -> dict[str, Any]:
-        """Return metadata of the session for an exported table: site, versions and so on."""
+        """Return metadata of the session (site, versions and so on) for a table, as plain
+        values.
+        """
         site, optics = self.config.site, self.config.optics
         shutter = [each.model_dump(mode="json") for each in self.config.exposure.calibrated]
         facts: dict[str, Any] = {

@@ -172,8 +172,10 @@ def joint_orbit(
 ) -> JointOrbit | None:
     """Fit one orbit to all tracklets by least squares, and compute its evidence.
 
-    ``start``: initial state, at ``epoch_utc_ns``. ``population``: prior distribution of orbits for
-    the evidence. None where the fit fails or leaves a chi-square above ``worst_chi2``.
+    ``start``: initial state, at ``epoch_utc_ns``. ``population``: prior distribution of orbits, for
+    the evidence; the fit uses its eccentricity. None where the fit fails or leaves a chi-square
+    above
+    ``worst_chi2``.
     """
     seen, which = merged_tracklets(parts)
     forces = PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns)

@@ -90,7 +90,10 @@ def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntr
 def nearest_epoch_entries(
     entries: Iterable[CatalogueEntry], t_utc_ns: int
 ) -> tuple[CatalogueEntry, ...]:
-    """Return each object's element set nearest in epoch to an instant, ordered by number."""
+    """Return each object's element set nearest in epoch to an instant.
+
+    The sets are in order of catalogue number.
+    """
     best: dict[int, CatalogueEntry] = {}
     for each in entries:
         rival = best.get(each.norad_id)

@@ -54,7 +54,10 @@ _MIN_PACE = 1e-3 * ARCSEC_RAD
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StreakLine:
-    """A streak of one exposure, as unit vectors of its ends and middle, with their errors."""
+    """A streak of one exposure: unit vectors of its ends and middle, and its errors.
+
+    The errors are those of the midpoint, the direction and the length.
+    """
 
     a: FloatArray
     """Unit vector (3,) of one end; ``b`` is that of the other."""

@@ -129,8 +129,8 @@ def compare_with_catalogue(
 ) -> CatalogueComparison:
     """Compare the directions of one arc with the predicted places of all catalogued objects.
 
-    ``gate_deg``: largest offset of an object within the gate. ``errors``: errors of the
-    elements.
+    ``seen``: one arc of one night. ``gate_deg``: largest offset of an object within the gate.
+    ``errors``: errors of the elements.
     """
     nearest = nearest_epoch_entries(entries, seen.epoch_utc_ns)
     close, failed = _close_by(seen, nearest)

@@ -56,7 +56,10 @@ class Propagator(Protocol):
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Propagate a state (3,), (3,) by times (N,), s; return positions and velocities (N, 3)."""
+        """Propagate a state (3,), (3,) to times (N,); return positions and velocities (N, 3).
+
+        Times are in seconds since the epoch of the state, of any sign.
+        """
         ...
 
 
@@ -72,9 +75,10 @@ class PerturbedPropagator:
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Propagate a state (3,), (3,) by times (N,), s; return positions and velocities (N, 3).
+        """Propagate a state (3,), (3,) to times (N,); return positions and velocities (N, 3).
 
-        NaN where the object has decayed.
+        The state is that at ``epoch_utc_ns``; times are in seconds since then, of any sign. NaN
+        where the object has decayed.
         """
         times = np.atleast_1d(np.asarray(t_s, float))
         out = np.full((len(times), 6), np.nan)
@@ -284,9 +288,10 @@ class ZonalPropagator:
     def states(
         self, r_km: FloatArray, v_km_s: FloatArray, t_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Propagate a state (3,), (3,) by times (N,), s; return positions and velocities (N, 3).
+        """Propagate a state (3,), (3,) to times (N,); return positions and velocities (N, 3).
 
-        NaN where the object has decayed.
+        The state is that at ``epoch_utc_ns``; times are in seconds since then, of any sign. NaN
+        where the object has decayed.
         """
         times = np.atleast_1d(np.asarray(t_s, float))
         out = np.full((len(times), 6), np.nan)

@@ -87,9 +87,10 @@ class NightStreaks:
 
 
 def read_streaks(folder: Path, session: int) -> NightStreaks:
-    """Read the streaks of a session that are whole and have a time. Raises SessionError.
+    """Read the usable streaks of a session. Raises SessionError.
 
-    ``session``: number of the session in the calibration.
+    Usable are streaks found by the detector (not marked by hand) with both ends in the frame and
+    with a time. ``session``: number of the session in the calibration.
     """
     reader = SessionReader(folder)
     config = reader.config()

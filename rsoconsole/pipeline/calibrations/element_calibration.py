@@ -80,9 +80,10 @@ def rows_of_session(
 
 
 def rows_of_identify_output(path: Path, *, is_simulated: bool) -> CalibrationRows:
-    """Return the rows in a file of lines printed by ``identify --field --json``.
+    """Return the rows made from a file of lines printed by ``identify --field --json``.
 
-    Raises OrbitError where the file does not hold such lines.
+    Only streaks and movers identified with certainty give rows. Raises OrbitError where the
+    file does not hold such lines.
     """
     text = read_named_file(path, OrbitError, f"name {_SHAPE}")
     sessions: dict[str, None] = {}

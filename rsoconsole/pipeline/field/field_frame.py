@@ -292,7 +292,11 @@ class FrameMatches:
 
     @property
     def crossing_indices(self) -> tuple[int, ...]:
-        """Indices in ``candidates`` of objects that probably crossed the frame, likeliest first."""
+        """Indices in ``candidates`` of objects that crossed the frame, likeliest first.
+
+        An object counts from a probability of ``CROSSED`` on, to have crossed or to have been
+        seen.
+        """
         chances = [
             max(each.chance, taken)
             for each, taken in zip(self.candidates, self.match.taken, strict=True)

@@ -29,7 +29,8 @@ def cautions(
 ) -> tuple[Caution, ...]:
     """Return the cautions about a frame: notes of its reader, wrong hints, unusual values.
 
-    Unusual is a scale (by plate, else header), exposure or size not covered by the calibration.
+    Unusual is a scale (by plate, else header), an exposure or a size outside the range in which the
+    detector was tested and its confidence is calibrated.
     """
     notes = [str(note) for note in frame.header.get(NOTES_KEY, ())]
     found = [Caution(kind=note, words=note) for note in notes]

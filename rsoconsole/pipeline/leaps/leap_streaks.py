@@ -81,7 +81,10 @@ def frame_streaks(
 
 
 def timing_uncertainty(frame: Frame | FrameTaken, exposure: ExposureConfig) -> TimingErrors:
-    """Return the errors of exposure times (bias, scatter) in the camera mode of ``frame``."""
+    """Return sigmas of the errors of exposure times in the camera mode of ``frame``.
+
+    The errors are a bias common to all frames and the scatter from frame to frame.
+    """
     shutter = frame_timing(frame, exposure)
     is_gps = frame.camera is not None and frame.camera.time_by == "gps"
     unknown_s = 0.0 if is_gps else UNKNOWN_BIAS_S

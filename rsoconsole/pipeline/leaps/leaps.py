@@ -145,7 +145,10 @@ _GAINING = 0.97
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeapParameters:
-    """Parameters on which leaps depend: field, image scale, times of camera and mount."""
+    """Parameters on which leaps depend: field, image scale, times of camera and mount.
+
+    The parameters of the slew itself are not among them.
+    """
 
     field_deg: tuple[float, float]
     scale_arcsec_px: float

@@ -1,8 +1,8 @@
-"""Order in which orbits are refined: the lead's after each frame, others in turn. Pure.
+"""Order in which orbits are refined: the lead's each frame, a large group's in turn. Pure.
 
-Refining an orbit takes some milliseconds, and one more direction hardly changes it. A track that
-has just been missed is refined at once with all its measurements, so that its orbit can predict it
-while it coasts.
+Refining an orbit takes some milliseconds, and in a large group one more direction hardly changes
+that of a member. A track that has just been missed is refined at once with all its measurements, so
+that its orbit can predict it while it coasts.
 """
 
 import math

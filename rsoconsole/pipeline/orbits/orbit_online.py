@@ -141,7 +141,7 @@ class OnlineOrbit:
 
     @property
     def track_ids(self) -> frozenset[int]:
-        """Ids of the tracks that have a measurement."""
+        """Ids of the tracks that have a measurement, as the operator's decisions have left them."""
         return frozenset(each.track_id for each in self._tracks.tracks())
 
     @property

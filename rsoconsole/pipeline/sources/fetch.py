@@ -253,7 +253,10 @@ _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 
 
 def decode_answer(content: bytes) -> str:
-    """Return an answer as text, unpacked. Raises OrbitError for other content, or too much."""
+    """Return an answer as text, unpacked.
+
+    Raises OrbitError where it is not text, or larger than ``MAX_BYTES``.
+    """
     if content.startswith(_GZIP):
         content = _gunzipped(content)
     elif content.startswith(_ZIP):

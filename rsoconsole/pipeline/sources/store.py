@@ -187,9 +187,10 @@ class ElementStore:
         return kept
 
     def claim_request(self, source: ElementSource, now_utc_ns: int) -> tuple[SourceStatus, bool]:
-        """Return (status of a source, True where it may be asked now), and record the request.
+        """Return (source's status, True where it may be asked now); if True, record the request.
 
-        Both are one step: of two simultaneous updates only one may ask.
+        The status is that before this request. Both are one step: of two simultaneous updates only
+        one may ask.
         """
         with self._writing():
             kept = self.statuses().get(source.text, SourceStatus(source=source.text))

@@ -64,8 +64,9 @@ class SourceUpdate:
 class SourceUpdater:
     """Updates sources one after another.
 
-    ``wait`` is called before each request, and before its answer is parsed. It raises OrbitError
-    where the update must not go on.
+    ``wait`` is called before each request and before its answer is parsed. It raises OrbitError
+    where the update must not go on: before a request that ends the run; afterwards it is ignored,
+    so that the answer is not lost.
     """
 
     store: ElementStore

@@ -1,10 +1,11 @@
 """Proposal of Q and R from the innovations of recorded sessions, with its evidence.
 
 The likelihood of the innovations (``_propose_likelihood``) is maximised over Q and R, then over
-single terms of them. Q and R are changed only where chance alone would reach the gain in at most
-one night of 20, and a term has its own value only in at most one of 100. Through the gate, the
-accepted measurements depend on Q and R too. So the session is replayed with the result and the
-search repeated, until the accepted measurements stay the same.
+single terms of them. A change of Q and R is proposed only where chance alone would reach its gain
+in at most one night of 20; a separate value of a term, only where chance would in one of 100.
+Through the gate, the accepted measurements depend on Q and R too. So the session is replayed with
+the result and the search repeated, until the accepted measurements stay the same, in at most
+``MAX_ROUNDS`` rounds.
 """
 
 from collections import deque

@@ -41,8 +41,9 @@ def orbit_report(
 ) -> dict[str, Any]:
     """Return the JSON object of ``rsoconsole orbit``.
 
-    Elements are osculating, on GCRS axes. ``outlook``: positions and events ahead; None: left out;
-    ``tle``: fitted mean elements as two lines; None: none.
+    Elements are osculating, on GCRS axes. ``outlook``: positions and events ahead; None: none, its
+    keys are then null, "predicted" an empty list. ``tle``: fitted mean elements as two lines; None:
+    none.
     """
     orbit, seen = found.orbit, found.seen
     report: dict[str, Any] = {

@@ -49,7 +49,10 @@ class MergeResult:
 
 
 def session_of_rescue(folder: Path) -> Path | None:
-    """Return the session that a rescue session stands in for; None for any other folder."""
+    """Return the session that a rescue session stands in for; None for any other folder.
+
+    None also for a rescue session that cannot be read.
+    """
     try:
         named = SessionReader(folder).read_meta().get("rescues")
     except SessionError:
@@ -81,10 +84,11 @@ def rescues_of(session: Path) -> tuple[Path, ...]:
 
 
 def merge_rescue(rescue: Path, now_utc_ns: int) -> MergeResult:
-    """Copy the rescue's records that its session lacks, verify them, and remove the rescue.
+    """Copy a rescue's records and file rows to its session, verify them, remove the rescue.
 
-    No record of the session is changed: where a record differs between the two, nothing is copied.
-    Raises SessionError with the reason; the rescue session then remains.
+    Copied are records that the session lacks; no record of it is changed: where one differs between
+    the two, nothing is copied. Rows of the table ``files`` replace the session's rows of the same
+    files. Raises SessionError with the reason; the rescue session then remains.
     """
     session = session_of_rescue(rescue)
     if session is None:

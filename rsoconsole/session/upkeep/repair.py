@@ -57,10 +57,12 @@ class RepairResult:
 def repair_session(folder: Path, now_utc_ns: int) -> RepairResult:
     """Repair a session, and merge its rescue sessions into it.
 
-    ``folder``: the session, or a rescue session. With a damaged database, the readable parts are
-    saved into a new session instead. Repeating a complete repair changes nothing. ``now_utc_ns``
-    dates the note in ``upkeep.jsonl``. Raises SessionError when there is no session, when its
-    engine is running, when another process has it open, or when the disk refuses.
+    ``folder``: the session, or a rescue session, which is itself repaired and then merged. A rescue
+    that cannot be merged remains, with the reason in ``unmerged`` of the result. With a damaged
+    database, the readable parts are saved into a new session instead, and nothing is merged.
+    Repeating a complete repair changes nothing. ``now_utc_ns`` dates the note in ``upkeep.jsonl``.
+    Raises SessionError when there is no session, when its engine is running, when another process
+    has it open, or when the disk refuses.
     """
     folder = Path(folder)
     about = _readable_about(folder)

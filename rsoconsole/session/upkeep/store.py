@@ -297,8 +297,9 @@ def plan_pruning(root: Path, policy: PruningPolicy, now_utc_ns: int) -> tuple[Pr
 def prune(steps: Iterable[PruningStep], policy: PruningPolicy, now_utc_ns: int) -> None:
     """Remove the files or sessions that a plan of ``plan_pruning`` names.
 
-    A note is written into a session before files of it are removed. Raises SessionError, naming the
-    session, when the disk refuses; the sessions earlier in the plan have then been pruned.
+    The note of a session is on the disk before files of it are removed; removed sessions get none.
+    Raises SessionError, naming the session, when the disk refuses; the sessions earlier in the plan
+    have then been pruned.
     """
     for step in steps:
         if not step.goes:

@@ -115,10 +115,7 @@ class RecordingFaults:
             self._texts.pop(place, None)
 
     def texts(self) -> tuple[str, ...]:
-        """Return the texts of all present faults, those that lose records first.
-
-        Faults that lose only frames or pictures come last.
-        """
+        """Return the texts of all present faults; lost frames, close-ups and previews come last."""
         with self._lock:
             present = dict(self._texts)
         return tuple(present[place] for place in sorted(present, key=_rank))

@@ -145,7 +145,11 @@ class MountFaults:
         return True
 
     def consume_ignored_request(self, event: Any) -> bool:
-        """Return whether to ignore this request; if so, decrement its IGNORED_... count."""
+        """Return whether to ignore this request.
+
+        It is ignored while IGNORED_SLEWS or IGNORED_ABORTS for it is above 0, which is then
+        decremented, and, without this, while the driver is silent. SIM_FAULTS is never ignored.
+        """
         if event.vectorname == "SIM_FAULTS":
             return False
         key = {

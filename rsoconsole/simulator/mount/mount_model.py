@@ -158,7 +158,7 @@ def travelled_deg(
 
 
 class MountModel:
-    """Mount whose state can be queried at any instant; it reads no clock and does no I/O.
+    """Mount whose commands and queries carry their instant; it reads no clock and does no I/O.
 
     The last motions are kept, so that the pointing during an exposure can be queried after a later
     slew has begun. Angles in degrees, epoch of date.
@@ -282,9 +282,10 @@ class MountModel:
         return self.unrest.offset_deg(t_utc_ns, since_arrival_s, way_deg)
 
     def creep_and_jump_path_arcsec(self, t_first_utc_ns: int, t_last_utc_ns: int) -> FloatArray:
-        """Return the path (2, k) of the pointing by creep and jumps, at k (odd) even instants.
+        """Return the path (2, k) of the pointing by creep and jumps, k odd.
 
-        Rows: east, north, arcsec, relative to the pointing halfway between both instants.
+        Rows: east, north, arcsec, at k equally spaced instants from the first to the last given,
+        relative to the pointing halfway between both.
         """
         instants = np.linspace(t_first_utc_ns, t_last_utc_ns, _PATH_STEPS)
         path = np.array([self.creep_and_jump_offset_deg(round(t)) for t in instants]).T * 3600.0

@@ -342,7 +342,10 @@ def visible_duration_s(
     optics: OpticsConfig,
     up_to_s: float,
 ) -> float:
-    """Return for how many seconds all ``conditions`` stay met, at most ``up_to_s``."""
+    """Return for how many seconds all conditions stay met, at most ``up_to_s``.
+
+    The time counts from ``t_utc_ns``; the conditions are those of ``visibility_conditions``.
+    """
     step_s = max(up_to_s / 200.0, 1.0)
     ahead_ns = np.rint(np.arange(0.0, up_to_s + step_s, step_s) * NS_PER_S).astype(np.int64)
     seen = compute_target_visibility(satellites, site, np.int64(t_utc_ns) + ahead_ns)

@@ -205,7 +205,7 @@ class MountWorld(_Part):
 
 
 class SatelliteWorld(_Part):
-    """Flashing and fading of every satellite of the night."""
+    """Flashing of all satellites of the night, and fading of all or of one of them."""
 
     flash_period_s: float = _setting(
         0.0, "s", "they flash so often, each in its own phase; 0: steady", ge=0, le=3600
@@ -219,7 +219,7 @@ class SatelliteWorld(_Part):
 
 
 class CloudsWorld(_Part):
-    """Passing banks of clouds, which replace the clouds of the scenario."""
+    """Passing banks of clouds; at a rate above 0 they replace the clouds of the scenario."""
 
     rate_h: float = _setting(0.0, "1/h", "how many banks an hour", ge=0, le=60)
     duration_s: float = _setting(120.0, "s", "how long each one stays", ge=10, le=7200)

@@ -426,7 +426,8 @@ def bank_of_equal_filters(  # noqa: PLR0917 -- all that one filter says
 ) -> Bank:
     """Make a bank in which every filter has the same motion (6,) and covariance (6, 6).
 
-    ``motion_probabilities`` are the weights of the filters nearest to ``scatter_s`` and
+    Only for ``any orbit``: the other motions have 0 for change of speed and turn, and no variance
+    of them. ``motion_probabilities`` are the weights of the filters nearest to ``scatter_s`` and
     ``variance_scale``; all others have the least weight.
     """
     every = len(MOTIONS) * FINE.filters_per_motion

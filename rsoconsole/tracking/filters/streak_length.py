@@ -144,7 +144,7 @@ def widened_for_short_streak(
 
 
 def is_flashing_by_lengths(excesses_arcsec: Sequence[float], length_arcsec: float) -> bool:
-    """Return True where enough of a track's streaks are too short to show that it flashes."""
+    """Return True where a track's object flashes: enough of its streaks are too short."""
     parts = sum(1 for each in excesses_arcsec if each < -_PART_SHARE * length_arcsec)
     return parts >= max(_MIN_PARTS, _FLASHING_SHARE * len(excesses_arcsec))
 
@@ -174,8 +174,8 @@ likeliest of those nights, by Student's law with ten degrees of freedom."""
 def end_offset_arcsec(measurement: Measurement, expected: Motion) -> float | None:
     """Return the offset of a streak's later end from the line of its expected motion, arcsec.
 
-    The line passes through the streak's middle; offsets to its left are positive. None where the
-    streak has no direction.
+    The line passes through the streak's middle. Offsets are positive to the left of the motion on a
+    plane with east to the right and north up. None where the streak has no direction.
     """
     streak = streak_motion(measurement)
     length = expected.length_arcsec

@@ -56,7 +56,10 @@ def reject_artifacts(
 
 
 def is_star_trail(proposal: Proposal, trail: StarTrail) -> bool:
-    """Return True where a proposal is parallel to the stars' trails and no longer than one."""
+    """Return True where a proposal is parallel to the stars' trails and about as short as one.
+
+    The limit is ``_ONE_TRAIL`` times a trail with its blur at both ends.
+    """
     box, one_px = proposal.box, trail.length_px + 2.0 * trail.fwhm_px
     leeway_deg = _AS_TRAILS_DEG + math.degrees(trail.fwhm_px / max(box.length_px, 1.0))
     is_along = line_angle_deg(box.angle_deg, trail.angle_deg) < leeway_deg

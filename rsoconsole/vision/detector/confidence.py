@@ -187,21 +187,24 @@ def confidence_features(
     - network: the network's log-odds, at least ``MIN_LOGIT``
     - log_snr: logarithm of the matched signal to noise over 20, at most ``MAX_LOG_SNR``, since a
       chain of bright stars is bright too
-    - steady: as log_snr, by the lower quartile of the line's parts; small for stars in a row
+    - steady: the same by the lower quartile of the line's parts, at most ``MAX_LOG_STEADY``; small
+      for stars in a row
     - extent: logarithm of the length over some star widths
     - one_line, few_points: how much better one line, or a few points, explain a short profile
     - like_line, like_stars: how much better one line, or star images, explain the pixels
     - wide, narrow: logarithm of the width over the stars', beyond what noise explains
     - shortness, longness: logarithms of the length against ``SHORT_FWHM`` and ``LONG_FWHM``
-    - unlike: how much of the light neither a line nor star images explain
+    - unlike: logarithm of the chi-square per pixel that the fitted line leaves (``LineLight.left``)
     - in_line: number of other candidates on its line
     - parallel_unlike: 1 where a parallel one is much longer, or bright and of another length
     - uneven: how bent its path is
     - faint: logarithm of ``FAINT_SNR`` over its signal to noise
     - rough: scatter along the line that nothing explains
     - confused: how much the sky beside it scatters
-    - along_trails: 1 along the stars' trails, less the more it turns away from them
-    - blurred, drifted: how wide the stars were, and how long their trails
+    - along_trails: 1 along the stars' trails, less the more it turns away from them; 0 where stars
+      are points
+    - blurred, drifted: logarithms of the side of joined pixels (for wide stars), and of 1 plus the
+      length of the trails in star widths
     """
     found, light = candidate.found, candidate.light
     focus = focus.at(found.x_px, found.y_px)

@@ -164,12 +164,12 @@ def bin_frame(
 
 
 def opened_along_lines(bins: _Values) -> _Values:
-    """Replace every bin by the brightest of eight lines of five bins through it.
+    """Return for every bin the brightest of eight lines of five bins centred on it.
 
-    A line is as bright as its darkest bin: a morphological opening with lines. Long lights keep
-    their brightness; stars, hot pixels and cosmic rays keep only parts at least five bins long. The
-    result has ``LINE_REACH`` rows less than ``bins`` at the top and at the bottom; columns beyond
-    the sides are mirror images.
+    A line is as bright as its darkest bin: a morphological erosion by lines. Long lights keep their
+    brightness, except in the two bins at either end; of stars, hot pixels and cosmic rays only
+    parts at least five bins long are left. The result has ``LINE_REACH`` rows less than ``bins`` at
+    the top and at the bottom; columns beyond the sides are mirror images.
     """
     import cv2
 

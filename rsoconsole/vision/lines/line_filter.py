@@ -75,7 +75,8 @@ def propose_lines(
     """Find lines in a frame, in its pixels (0: centre of the first), strongest first.
 
     ``squares``: means of squares of ``side_px`` (``bins.bin_frame``). The light of ``stars`` is
-    masked.
+    masked. Where drift has drawn out the stars, lines found in coarser cells follow the others,
+    strongest first again.
     """
     rows, columns = squares.shape
     per_cell = sky.cell_px // side_px
@@ -158,9 +159,10 @@ def _cover(cells: Float32Array, side_px: int, stars: StarList, noise: float) -> 
 def limited_snr(cells: Float32Array) -> Float32Array:
     """Limit the signal to noise of cells, (rows, columns), so that stars count little.
 
-    The limit is ``_LIMIT`` except on lines. A cell is on a line where morphological openings along
-    and across one of eight directions differ: they are equal on a star, and different on a light
-    five cells long in one direction only.
+    The limit is ``_LIMIT`` except on lines. A line is the difference of morphological openings
+    along and across one of eight directions: nothing is left of a star, but a light five cells long
+    in one direction only stays. There the limit is that difference, ``_MOST`` at most. Bright cells
+    with hardly any line are stars and become 0.
     """
     import cv2
 

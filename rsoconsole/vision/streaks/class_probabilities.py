@@ -74,8 +74,8 @@ _UNEVEN = 0.3, 1.0
 class ClassEvidence:
     """Measurements of a streak in one frame that are evidence of its class.
 
-    None: unknown. ``unevenness`` is 0 for an even streak; ``spoken_against`` is "" for one that was
-    not rejected.
+    None: unknown. ``unevenness`` is 0 where there is none or it was not measured;
+    ``spoken_against`` is "" for a streak that was not rejected.
     """
 
     kind: StreakKind

@@ -83,7 +83,7 @@ def with_middle_by_light(
     """Return the streak with its middle's offset by ends and light, where it is found.
 
     Unchanged where an end is outside the frame, where the streak was not measured as a line, and
-    where no middle is found.
+    where ``find_middle`` finds nothing or fails: the failure is logged, not raised.
     """
     if streak.kind != "streak" or streak.method != "line":
         return streak

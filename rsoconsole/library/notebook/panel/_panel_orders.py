@@ -1,6 +1,7 @@
 """Execution of the orders of a panel's page, each on a thread of its own.
 
-An order passes the same socket, control, checklist and limits as an order of a console.
+STOP comes before all other orders, and is sent by a read-only panel too. Any other order passes the
+same socket, control, checklist and limits as an order of a console.
 """
 
 import logging

@@ -18,7 +18,7 @@ GEO_WITHIN_ARCSEC_S = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NightLogLines:
-    """Lines of a night's log in order of time: entries, actions, changes of settings."""
+    """Lines of a night's log, each group in the order of the log: entries, actions, settings."""
 
     entries: tuple[LogLine, ...]
     actions: tuple[LogLine, ...]

@@ -1,4 +1,4 @@
-"""Small pictures of a session's frames for the report, limited in number and total size."""
+"""Small pictures of a session's frames for the report, limited in total size."""
 
 import base64
 import io
