@@ -1,13 +1,16 @@
-"""Plots in cells: braille dots for the values, the newest exposure at the right.
+"""Plots in cells, drawn by plotext: values in a shaded band, the newest exposure at the right.
 
-A line is a list of (text, ink). An ink names a colour, which only repeats what the marks say.
+A line is a list of (text, ink). An ink names a colour, which only repeats what the signs say. What
+lies beyond the axis has an arrow in the outermost row: a filled one for a value, an open one for a
+bound.
 """
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import groupby
-from typing import Literal, TypeVar
+from typing import Literal, TypeVar, get_args
 
 Ink = Literal["", "dim", "good", "warn", "alarm", "title", "here"]
 Line = list[tuple[str, Ink]]
@@ -16,202 +19,258 @@ Key = TypeVar("Key")
 AXIS_COLUMNS = 6
 NIS_HEADROOM = 1.6
 """Top of the NIS axis as a factor on the upper bound of its band."""
-REFUSED = "×"
+VALUE, REFUSED, SHADE, GHOST, CHANGED = "●", "×", "░", "╌", "│"
+VALUE_BEYOND, BOUND_BEYOND = "▼▲", "▽△"
+"""Arrows of a value and of a bound beyond the axis, below and above."""
+_FINE = "braille"
+"""Marker of plotext for values in plots of one row: four dots high in a cell."""
 MIN_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
-"""Least number of residuals, share that sets the axis, factor on it beyond which one is a stray."""
+"""Least number of values, share that sets the axis, factor on it beyond which one is a stray."""
+_NEWEST = 5
+"""Number of the newest bounds that the axis of the residuals always holds, by their median."""
 MAX_SPREAD = 3
 """Most cells that one exposure takes, while there are few exposures."""
-_BRAILLE = 0x2800
-_LEFT = (0x01, 0x02, 0x04, 0x40)
-_RIGHT = (0x08, 0x10, 0x20, 0x80)
-_RANK: dict[Ink, int] = {"": 0, "dim": 1, "good": 2, "warn": 3, "alarm": 4, "title": 0, "here": 0}
+_INKS: tuple[Ink, ...] = get_args(Ink)
+_FIRST_CODE = 16
+"""Colour code of plotext for the first ink; the others follow."""
+_CODED = re.compile(r"(?:\x1b\[(?:38;5;(\d+)|\d*)m)?([^\x1b]*)")
 
 
 def join_cells_by_key(cells: Iterable[tuple[str, Key]]) -> list[tuple[str, Key]]:
-    """Join neighbouring (text, key) cells that have the same key, such as the same ink."""
+    """Join neighbouring (text, key) cells of the same key, such as an ink."""
     groups = groupby(cells, key=lambda cell: cell[1])
     return [("".join(text for text, _ in group), key) for key, group in groups]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlotColumn:
-    """Values of one exposure in a plot."""
+    """One exposure's content of a plot."""
 
     value: float | None = None
     bound: float | None = None
     """Half width of the band about 0 in which the value is expected."""
+    ghost: float | None = None
+    """Half width of that band by the settings on trial."""
     mark: str = ""
     """Sign shown instead of a value, as for a miss or a coasted frame."""
     refused: float | None = None
     """Confidence of a streak that was not accepted; None: there is none."""
+    change: str = ""
+    """Words for parameters that were changed before this exposure."""
 
 
-@dataclass(slots=True)
 class Canvas:
-    """Cells of 2 x 4 braille dots each, with an axis from ``low`` at the bottom to ``high``."""
+    """Content of a plot by sign and ink, on an axis from ``low`` at the bottom to ``high``."""
 
-    columns: int
-    rows: int
-    low: float
-    high: float
-    _dots: dict[tuple[int, int], int] = field(default_factory=dict)
-    _inks: dict[tuple[int, int], Ink] = field(default_factory=dict)
-    _glyphs: dict[tuple[int, int], str] = field(default_factory=dict)
+    def __init__(self, columns: int, rows: int, low: float, high: float) -> None:
+        self.columns, self.rows = max(columns, 0), rows
+        self.low, self.high = low, high
+        self._points: dict[tuple[str, Ink, bool], tuple[list[int], list[float]]] = {}
+        self._texts: list[tuple[str, int, float, Ink]] = []
 
-    def draw_point(self, column: int, value: float, ink: Ink) -> None:
-        """Draw a value as a fat dot; beyond the axis as an arrow in the outermost row."""
-        if not self.low <= value <= self.high:
-            row = 0 if value > self.high else self.rows - 1
-            self.draw_sign(column, row, "▲" if value > self.high else "▼", ink)
-            return
-        top = min(max(round(self._level(value) - 0.5), 0), 4 * self.rows - 2)
-        for level in (top, top + 1):
-            self._dot(column, level, _LEFT[level % 4] | _RIGHT[level % 4], ink)
+    def put(self, column: int, value: float, sign: str, ink: Ink) -> None:
+        """Write a sign into the cell of a value; one beyond the axis into the outermost row."""
+        self._add(column, self._clipped(value), (sign, ink, False))
 
-    def draw_line_dot(self, column: int, value: float) -> None:
-        """Draw one small dot of a line; a value beyond the axis lies on its end."""
-        clipped = min(max(value, self.low), self.high)
-        level = min(max(round(self._level(clipped)), 0), 4 * self.rows - 1)
-        self._dot(column, level, _LEFT[level % 4], "dim")
+    def fill(self, column: int, value: float, sign: str, ink: Ink) -> None:
+        """Fill a column's cells from 0 to a value with a sign, as far as the axis goes."""
+        self._add(column, self._clipped(value), (sign, ink, True))
 
-    def draw_sign(self, column: int, row: int, text: str, ink: Ink) -> None:
-        """Write a sign into a cell."""
-        self._glyphs[column, row] = text
-        self._inks[column, row] = ink
+    def put_value(self, column: int, value: float, ink: Ink, sign: str = VALUE) -> None:
+        """Draw a value; beyond the axis as an arrow."""
+        arrow = self._arrow(value, VALUE_BEYOND)
+        self.put(column, value, arrow or sign, ink)
+
+    def put_band(self, column: int, bound: float) -> None:
+        """Shade a column between minus and plus a bound; arrows where it leaves the axis."""
+        for value in (bound, -bound):
+            self.fill(column, value, SHADE, "dim")
+        for value in (bound, -bound):
+            if arrow := self._arrow(value, BOUND_BEYOND):
+                self.put(column, value, arrow, "dim")
+
+    def write(self, column: int, value: float, text: str, ink: Ink) -> None:
+        """Write a text that begins in the cell of a value."""
+        self._texts.append((text, column, self._clipped(value), ink))
 
     def row_of(self, value: float) -> int:
-        """Return the row of cells in which a value lies."""
-        return min(max(round(self._level(value)) // 4, 0), self.rows - 1)
+        """Return the row of cells in which a value lies, 0 at the top."""
+        share = (self._clipped(value) - self.low) / (self.high - self.low)
+        return self.rows - 1 - math.floor(round(0.5 + (self.rows - 1) * share, 8))
 
-    def line(self, row: int) -> Line:
-        """Return one row of cells as runs of one ink."""
-        return join_cells_by_key(self._cell((column, row)) for column in range(self.columns))
+    def lines(self, labels: Mapping[float, str] | None = None) -> list[Line]:
+        """Draw the plot; with ``labels`` (text by value) its axis stands on the left."""
+        if not self.columns or self.rows < 1:
+            return [[(" " * (AXIS_COLUMNS if labels is not None else 0), "dim")]] * self.rows
+        from textual_plotext.plot import Plot
 
-    def _cell(self, at: tuple[int, int]) -> tuple[str, Ink]:
-        dots = self._dots.get(at)
-        text = self._glyphs.get(at) or (chr(_BRAILLE | dots) if dots else " ")
-        return text, self._inks.get(at, "")
+        figure = Plot()
+        axis = 0 if labels is None else AXIS_COLUMNS
+        figure.plotsize(self.columns + axis, self.rows)
+        figure.xaxes(False, False)
+        figure.yaxes(labels is not None, False)
+        figure.xticks([])
+        figure.canvas_color("default")
+        figure.axes_color("default")
+        figure.ticks_color(_code("dim"))
+        ticks = labels or {}
+        figure.yticks(list(ticks), [f"{text:>{AXIS_COLUMNS - 1}}" for text in ticks.values()])
+        figure.xlim(0, max(self.columns - 1, 1))
+        figure.ylim(self.low, self.high)
+        for (sign, ink, is_filled), (columns, values) in self._points.items():
+            figure.scatter(columns, values, marker=sign, color=_code(ink), fillx=is_filled)
+        for text, column, value, ink in self._texts:
+            figure.text(text, column, value, color=_code(ink))
+        built = [_line(text) for text in figure.build().splitlines()]
+        return [_fitted(line, self.columns + axis) for line in built[: self.rows]]
 
-    def _level(self, value: float) -> float:
-        return (self.high - value) / (self.high - self.low) * (4 * self.rows - 1)
+    def _add(self, column: int, value: float, key: tuple[str, Ink, bool]) -> None:
+        columns, values = self._points.setdefault(key, ([], []))
+        columns.append(column)
+        values.append(value)
 
-    def _dot(self, column: int, level: int, dots: int, ink: Ink) -> None:
-        at = column, level // 4
-        self._dots[at] = self._dots.get(at, 0) | dots
-        if _RANK[ink] >= _RANK[self._inks.get(at, "")]:
-            self._inks[at] = ink
+    def _clipped(self, value: float) -> float:
+        return min(max(value, self.low), self.high)
+
+    def _arrow(self, value: float, arrows: str) -> str:
+        if self.low <= value <= self.high:
+            return ""
+        return arrows[1] if value > self.high else arrows[0]
+
+
+def _code(ink: Ink) -> int:
+    return _FIRST_CODE + _INKS.index(ink)
+
+
+def _line(coded: str) -> Line:
+    """Return a line of plotext's with the inks of its colour codes."""
+    pieces = [(text, code) for code, text in _CODED.findall(coded) if text]
+    return join_cells_by_key(
+        (text, _INKS[int(code) - _FIRST_CODE] if code else "") for text, code in pieces
+    )
+
+
+def _fitted(line: Line, width: int) -> Line:
+    missing = width - sum(len(text) for text, _ in line)
+    return [*line, (" " * missing, "")] if missing > 0 else line
 
 
 def residual_plot(columns: Sequence[PlotColumn], width: int, rows: int) -> list[Line]:
-    """Plot residuals as fat dots within their bounds, on an axis symmetric about 0.
+    """Plot residuals in the shaded band of their bounds, on an axis symmetric about 0.
 
-    Exposures without a value show their sign at 0. ``width``: columns, the axis included.
+    Exposures without a value show their sign at 0; a change of parameters is an upright line with
+    its words. ``width``: cells, the axis included.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     limit = residual_axis_limit(shown)
-    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, -limit, limit)
-    _draw_residuals(canvas, shown, has_bounds=True)
-    labels = {0: _figure(limit), rows - 1: _figure(-limit)}
-    if rows % 2:
-        labels[rows // 2] = "0"
-    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+    canvas = Canvas(width - AXIS_COLUMNS, rows, -limit, limit)
+    _draw_residuals(canvas, shown)
+    labels = {limit: _figure(limit), -limit: _figure(-limit)}
+    if rows % 2 and rows > 1:
+        labels[0.0] = "0"
+    return canvas.lines(labels)
 
 
-def confidence_plot(columns: Sequence[PlotColumn], tau: float, width: int, rows: int) -> list[Line]:
-    """Plot confidences between 0 and 1 as fat dots, tau as a line, misses as signs at 0.
+def confidence_plot(
+    columns: Sequence[PlotColumn], tau: float, width: int, rows: int
+) -> list[Line]:
+    """Plot confidences between 0 and 1, tau as a line, misses as signs at 0.
 
-    ``width``: columns, the axis included.
+    ``width``: cells, the axis included.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
-    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, 1.0)
+    canvas = Canvas(width - AXIS_COLUMNS, rows, 0.0, 1.0)
     for column in range(canvas.columns):
-        canvas.draw_line_dot(column, tau)
+        canvas.put(column, tau, GHOST, "dim")
     _draw_confidences(canvas, shown, tau)
-    labels = {0: "1", rows - 1: "0"}
-    if rows > 2 and canvas.row_of(tau) not in labels:
-        labels[canvas.row_of(tau)] = "τ"
-    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+    labels = {1.0: "1", 0.0: "0"}
+    if rows > 2 and canvas.row_of(tau) not in {0, rows - 1}:
+        labels[tau] = "τ"
+    return canvas.lines(labels)
 
 
 def nis_plot(
     columns: Sequence[PlotColumn], band: tuple[float, float], width: int, rows: int
 ) -> list[Line]:
-    """Plot NIS as fat dots on an axis from 0, the bounds of ``band`` as lines.
+    """Plot NIS on an axis from 0 over its shaded band.
 
-    The axis ends at ``NIS_HEADROOM`` times the upper bound. ``width``: columns, the axis included.
+    The axis ends at ``NIS_HEADROOM`` times the upper bound. ``width``: cells, the axis included.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
-    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, 0.0, NIS_HEADROOM * band[1])
+    canvas = Canvas(width - AXIS_COLUMNS, rows, 0.0, NIS_HEADROOM * band[1])
     for column in range(canvas.columns):
-        for bound in band:
-            canvas.draw_line_dot(column, bound)
+        canvas.fill(column, band[1], SHADE, "dim")
     for at, _, what in _placed(canvas, shown):
         if what.value is not None:
             is_inside = band[0] <= what.value <= band[1]
-            canvas.draw_point(at, what.value, "good" if is_inside else "alarm")
+            canvas.put_value(at, what.value, "good" if is_inside else "alarm")
         elif what.mark:
-            canvas.draw_sign(at, rows - 1, what.mark, "warn")
-    labels = {0: _figure(round(canvas.high)), rows - 1: "0"}
-    if rows > 3:
-        labels.setdefault(canvas.row_of(band[1]), _figure(band[1]))
-    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+            canvas.put(at, 0.0, what.mark, "warn")
+    labels = {canvas.high: _figure(round(canvas.high)), 0.0: "0"}
+    if rows > 3 and canvas.row_of(band[1]) not in {0, rows - 1}:
+        labels[band[1]] = _figure(band[1])
+    return canvas.lines(labels)
 
 
 def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Line]:
-    """Plot values as fat dots on an axis between their extremes; None leaves a gap.
+    """Plot values on an axis between their extremes; None leaves a gap.
 
-    With 40 values or more, the highest and the lowest fortieth do not set the axis; a value beyond
-    it is drawn as an arrow. ``width``: columns, including those of the axis.
+    The axis leaves out the outermost fortieth on each side: an arrow stands for a value beyond it.
+    ``width``: cells, the axis included.
     """
     shown = list(values)[-max(width - AXIS_COLUMNS, 0) :]
     known = sorted(value for value in shown if value is not None)
-    if not known or rows < 1:
-        return [_with_axis("", [(" " * max(width - AXIS_COLUMNS, 0), "")]) for _ in range(rows)]
-    beyond = len(known) // 40
-    low, high = known[beyond], known[-1 - beyond]
+    low, high = 0.0, 1.0
+    if known:
+        beyond = len(known) // 40
+        low, high = known[beyond], known[-1 - beyond]
     least = max(0.02 * abs(high), 1e-9)
     if high - low < least:
         low, high = low - 0.5 * least, high + 0.5 * least
-    canvas = Canvas(max(width - AXIS_COLUMNS, 0), rows, low, high)
-    columns = [PlotColumn(value=value) for value in shown]
-    for at, _, what in _placed(canvas, columns):
+    canvas = Canvas(width - AXIS_COLUMNS, rows, low, high)
+    for at, _, what in _placed(canvas, [PlotColumn(value=value) for value in shown]):
         if what.value is not None:
-            canvas.draw_point(at, what.value, "good")
-    labels = {0: _figure(high), rows - 1: _figure(low)} if rows > 1 else {}
-    return [_with_axis(labels.get(row, ""), canvas.line(row)) for row in range(rows)]
+            canvas.put_value(at, what.value, "good")
+    return canvas.lines({high: _figure(high), low: _figure(low)} if rows > 1 and known else {})
 
 
 def residual_strip(columns: Sequence[PlotColumn], width: int) -> Line:
     """Plot residuals in one row, without bounds and axis."""
     shown = list(columns)[-max(width, 0) :]
     limit = residual_axis_limit(shown)
-    canvas = Canvas(max(width, 0), 1, -limit, limit)
-    _draw_residuals(canvas, shown, has_bounds=False)
-    return canvas.line(0)
+    canvas = Canvas(width, 1, -limit, limit)
+    for at, _, what in _placed(canvas, shown):
+        _draw_residual(canvas, at, what, _FINE)
+    return canvas.lines()[0]
 
 
 def confidence_strip(columns: Sequence[PlotColumn], tau: float, width: int) -> Line:
     """Plot confidences in one row, without an axis."""
     shown = list(columns)[-max(width, 0) :]
-    canvas = Canvas(max(width, 0), 1, 0.0, 1.0)
-    _draw_confidences(canvas, shown, tau)
-    return canvas.line(0)
+    canvas = Canvas(width, 1, 0.0, 1.0)
+    _draw_confidences(canvas, shown, tau, _FINE)
+    return canvas.lines()[0]
 
 
 def residual_axis_limit(columns: Sequence[PlotColumn]) -> float:
-    """Return the upper end of the residuals' symmetric axis, a round number.
+    """Return half the height of the residuals' axis, a round number that most values fit into.
 
-    The axis holds the residuals, except those far beyond nearly all others, which are drawn as
-    arrows, and the median bound: bounds just after a miss are many times as wide and would flatten
-    all residuals. Bounds of coasted frames are used only where there are no measured values.
+    Bounds just after a miss are many times as wide as the usual ones, and an axis for them would
+    put all residuals on zero: the axis holds the median bound, and that of the newest frames, with
+    a fifth to spare. A residual far beyond nearly all others does not count either: what does not
+    fit has an arrow. Bounds of coasted frames count only where there is nothing else.
     """
     measured = [c for c in columns if c.value is not None]
     values = [abs(c.value) for c in measured if c.value is not None]
-    bounds = sorted(c.bound for c in measured if c.bound is not None)
+    bounds = [c.bound for c in measured if c.bound is not None]
     others = [c.bound for c in columns if c.bound is not None]
-    usual = [1.2 * bounds[len(bounds) // 2]] if bounds else []
+    usual = [1.2 * max(_median(bounds), _median(bounds[-_NEWEST:]))] if bounds else []
     shown = _without_strays(values, usual)
     return _round_up(max([*shown, *usual] or others or [1.0]) * 1.05)
+
+
+def _median(values: Sequence[float]) -> float:
+    return sorted(values)[len(values) // 2]
 
 
 def _without_strays(values: list[float], usual: list[float]) -> list[float]:
@@ -225,35 +284,69 @@ def _without_strays(values: list[float], usual: list[float]) -> list[float]:
 
 
 def sparkline(values: Sequence[float | None], high: float, width: int) -> str:
-    """Return a bar for each value in eighths of a row, full at ``high``; a blank for None."""
+    """Return an eighth block for each value, its height by value over ``high``; None: a blank."""
     blocks = "▁▂▃▄▅▆▇█"
     shown = list(values)[-max(width, 0) :]
     return "".join(" " if v is None else blocks[min(max(int(v / high * 8), 0), 7)] for v in shown)
 
 
-def _draw_residuals(canvas: Canvas, shown: Sequence[PlotColumn], *, has_bounds: bool) -> None:
-    for at, cells, what in _placed(canvas, shown):
-        if what.bound is not None and has_bounds:
+def _draw_residuals(canvas: Canvas, shown: Sequence[PlotColumn]) -> None:
+    placed = _placed(canvas, shown)
+    for at, cells, what in placed:
+        if what.bound is not None:
             for column in range(at, at + cells):
-                canvas.draw_line_dot(column, what.bound)
-                canvas.draw_line_dot(column, -what.bound)
-        if what.value is not None:
-            is_outside = what.bound is not None and abs(what.value) > what.bound
-            canvas.draw_point(at, what.value, "alarm" if is_outside else "good")
-        elif what.mark:
-            canvas.draw_sign(at, canvas.rows // 2, what.mark, "warn")
+                canvas.put_band(column, what.bound)
+    for at, cells, what in placed:
+        if what.ghost is not None:
+            for column in range(at, at + cells):
+                for value in (what.ghost, -what.ghost):
+                    if canvas.low <= value <= canvas.high:
+                        canvas.put(column, value, GHOST, "title")
+    _draw_changes(canvas, placed)
+    for at, _, what in placed:
+        _draw_residual(canvas, at, what)
 
 
-def _draw_confidences(canvas: Canvas, shown: Sequence[PlotColumn], tau: float) -> None:
-    for at, _, what in _placed(canvas, shown):
+def _draw_residual(canvas: Canvas, at: int, what: PlotColumn, sign: str = VALUE) -> None:
+    if what.value is not None:
+        is_outside = what.bound is not None and abs(what.value) > what.bound
+        canvas.put_value(at, what.value, "alarm" if is_outside else "good", sign)
+    elif what.mark:
+        canvas.put(at, 0.0, what.mark, "warn")
+
+
+def _draw_changes(canvas: Canvas, placed: Sequence[tuple[int, int, PlotColumn]]) -> None:
+    """Draw an upright line before each exposure that came after a change, with its words."""
+    free = 0
+    for at, _, what in placed:
+        if not what.change:
+            continue
+        for row in range(canvas.rows):
+            value = canvas.low + (canvas.high - canvas.low) * row / max(canvas.rows - 1, 1)
+            canvas.put(at, value, CHANGED, "title")
+        left = at + 1
+        if left + len(what.change) > canvas.columns:
+            left = at - len(what.change)
+        if left >= free:
+            canvas.write(left, canvas.high, what.change, "title")
+            free = left + len(what.change) + 1
+
+
+def _draw_confidences(
+    canvas: Canvas, shown: Sequence[PlotColumn], tau: float, sign: str = VALUE
+) -> None:
+    placed = _placed(canvas, shown)
+    _draw_changes(canvas, placed)
+    for at, _, what in placed:
         if what.value is not None:
-            canvas.draw_point(at, min(what.value, 1.0), "good" if what.value >= tau else "warn")
+            ink: Ink = "good" if what.value >= tau else "warn"
+            canvas.put_value(at, min(what.value, 1.0), ink, sign)
         if what.mark:
-            canvas.draw_sign(at, canvas.rows - 1, what.mark, "warn")
-        if what.refused is not None:
-            row = canvas.row_of(what.refused)
-            if row < canvas.rows - 1 or not what.mark:
-                canvas.draw_sign(at, row, REFUSED, "warn")
+            canvas.put(at, 0.0, what.mark, "warn")
+        if what.refused is not None and (
+            canvas.row_of(what.refused) < canvas.rows - 1 or not what.mark
+        ):
+            canvas.put(at, what.refused, REFUSED, "warn")
 
 
 def _placed(canvas: Canvas, shown: Sequence[PlotColumn]) -> list[tuple[int, int, PlotColumn]]:
@@ -264,15 +357,8 @@ def _placed(canvas: Canvas, shown: Sequence[PlotColumn]) -> list[tuple[int, int,
 
 
 def cells_per_frame(columns: int, frames: int) -> int:
-    """Return the number of cells for each of ``frames`` frames in ``columns`` cells."""
+    """Return how many cells each frame takes in a plot of that many columns and frames."""
     return max(1, min(MAX_SPREAD, columns // max(frames, 1)))
-
-
-def _with_axis(label: str, line: Line) -> Line:
-    return [
-        (f"{label:>{AXIS_COLUMNS - 1}}┤" if label else " " * (AXIS_COLUMNS - 1) + "│", "dim"),
-        *line,
-    ]
 
 
 def _round_up(value: float) -> float:
@@ -285,4 +371,6 @@ def _round_up(value: float) -> float:
 
 
 def _figure(value: float) -> str:
-    return f"{value:.0f}" if 1000 <= abs(value) < 100_000 else f"{value:.3g}"
+    """Return a figure in at most the cells before the axis, with up to three digits."""
+    text = f"{value:.0f}" if 1000 <= abs(value) < 10_000 else f"{value:.3g}"
+    return text if len(text) < AXIS_COLUMNS else f"{value:.2g}".replace("e+0", "e")
