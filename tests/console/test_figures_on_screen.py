@@ -20,7 +20,7 @@ from rsoconsole.console.night.engine_view import EngineView, read_engine_view
 from rsoconsole.console.orbit.lines import orbit_lines, orbit_pane_contents, target_words
 from rsoconsole.console.panes.last_line import key_line, live_keys
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
-from rsoconsole.console.tuning.tuning_pane import NAMES, Tuning
+from rsoconsole.console.tuning.tuning_pane import Tuning
 from rsoconsole.console.tuning.what_if_watch import (
     count_present_settings_frames,
     lead_track_frames,
@@ -29,6 +29,7 @@ from rsoconsole.console.tuning.what_if_watch import (
 from rsoconsole.console.words.facts import figure_lines
 from rsoconsole.console.words.leaving import time_left_in_field_s
 from rsoconsole.console.words.panels import confidence_lines, nis_lines, residual_lines
+from rsoconsole.console.words.tunable import NAMES
 from rsoconsole.console.words.words import top_lines
 from rsoconsole.night import (
     ELSEWHERE,

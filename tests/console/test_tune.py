@@ -14,14 +14,8 @@ from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import THREE_COLUMNS, pane_boxes, tune_box
 from rsoconsole.console.tuning.lines import tune_lines
-from rsoconsole.console.tuning.tuning_pane import (
-    NAMES,
-    TUNABLES,
-    TunePane,
-    Tuning,
-    load_presets,
-    save_preset,
-)
+from rsoconsole.console.tuning.tuning_pane import TunePane, Tuning, load_presets, save_preset
+from rsoconsole.console.words.tunable import NAMES, TUNABLES
 from rsoconsole.engine import TUNABLE
 from rsoconsole.night import recorded_figures
 from rsoconsole.pipeline import what_if

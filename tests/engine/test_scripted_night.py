@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from rsoconsole.base import ControlError, SessionError
-from rsoconsole.console.tuning.tuning_pane import NAMES
+from rsoconsole.console.words.tunable import NAMES
 from rsoconsole.control import AskStatus, ControlClient, Sender
 from rsoconsole.records import Measurement, OperatorAction, ParameterChange, Ruling, StateChange
 from rsoconsole.session import SessionReader

@@ -11,12 +11,9 @@ from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
 from rsoconsole.console.tuning.tuning_pane import (
-    BY_NAME,
     LAST_FRAMES,
-    NAMES,
     TunePane,
     Tuning,
-    Value,
     load_presets,
     save_preset,
 )
@@ -26,6 +23,7 @@ from rsoconsole.console.tuning.what_if_watch import (
     lead_track_frames,
 )
 from rsoconsole.console.watches.messages import call_between_messages
+from rsoconsole.console.words.tunable import BY_NAME, NAMES, Value
 from rsoconsole.control import MAX_FRAMES, Command, Set
 
 if TYPE_CHECKING:

@@ -65,7 +65,7 @@ class Canvas:
     def __init__(self, columns: int, rows: int, low: float, high: float) -> None:
         self.columns, self.rows = max(columns, 0), rows
         self.low, self.high = low, high
-        self._points: dict[tuple[str, Ink, bool], tuple[list[int], list[float]]] = {}
+        self._points: dict[tuple[str, Ink, bool], tuple[list[float], list[float]]] = {}
         self._texts: list[tuple[str, int, float, Ink]] = []
 
     def put(self, column: int, value: float, sign: str, ink: Ink) -> None:
@@ -79,7 +79,12 @@ class Canvas:
     def put_value(self, column: int, value: float, ink: Ink, sign: str = VALUE) -> None:
         """Draw a value; beyond the axis as an arrow."""
         arrow = self._arrow(value, VALUE_BEYOND)
-        self.put(column, value, arrow or sign, ink)
+        if sign != _FINE or arrow:
+            self.put(column, value, arrow or sign, ink)
+            return
+        for half in (2 * column, 2 * column + 1):
+            place = half * (self.columns - 1) / (2 * self.columns - 1)
+            self._add(place, value, (sign, ink, False))
 
     def put_band(self, column: int, bound: float) -> None:
         """Shade a column between minus and plus a bound; arrows where it leaves the axis."""
@@ -124,7 +129,7 @@ class Canvas:
         built = [_line(text) for text in figure.build().splitlines()]
         return [_fitted(line, self.columns + axis) for line in built[: self.rows]]
 
-    def _add(self, column: int, value: float, key: tuple[str, Ink, bool]) -> None:
+    def _add(self, column: float, value: float, key: tuple[str, Ink, bool]) -> None:
         columns, values = self._points.setdefault(key, ([], []))
         columns.append(column)
         values.append(value)
@@ -171,9 +176,7 @@ def residual_plot(columns: Sequence[PlotColumn], width: int, rows: int) -> list[
     return canvas.lines(labels)
 
 
-def confidence_plot(
-    columns: Sequence[PlotColumn], tau: float, width: int, rows: int
-) -> list[Line]:
+def confidence_plot(columns: Sequence[PlotColumn], tau: float, width: int, rows: int) -> list[Line]:
     """Plot confidences between 0 and 1, tau as a line, misses as signs at 0.
 
     ``width``: cells, the axis included.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.console.picture.picture import STRETCHES, Stretch
 from rsoconsole.console.picture.sheet_pixels import STEPS, ZoomedFrame
-from rsoconsole.console.tuning.tuning_pane import Tunable
 from rsoconsole.console.watches.sheet_worker import FrameOpened, FrameProcessed, FrameSettings
+from rsoconsole.console.words.tunable import Tunable
 from rsoconsole.pipeline import HELD
 from rsoconsole.records import MapMode, Solution
 from rsoconsole.words import direction

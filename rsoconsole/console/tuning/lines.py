@@ -4,7 +4,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tunable, Tuning
+from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tuning
+from rsoconsole.console.words.tunable import Tunable
 from rsoconsole.console.words.words import cut_to_width, draw_rule, wrap_to_rows
 from rsoconsole.night import merit
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
-from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, NAMES, Value
+from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES
+from rsoconsole.console.words.tunable import NAMES, Value
 from rsoconsole.control import Poller
 from rsoconsole.night import FilterQuality, FilterUpdate, FrameRow, NightView, filter_quality
 from rsoconsole.pipeline import SessionLogCache, WhatIfProcess, WhatIfQuestion

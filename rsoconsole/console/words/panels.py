@@ -20,6 +20,7 @@ from rsoconsole.console.drawing.plot import (
     sparkline,
 )
 from rsoconsole.console.picture.marks import SHOWN_REJECTED
+from rsoconsole.console.words.tunable import change_words
 from rsoconsole.console.words.words import cut_to_width, draw_rule
 from rsoconsole.night import FrameRow, NightView
 from rsoconsole.pipeline import usual_timing_sigma_s
@@ -143,7 +144,9 @@ def confidence_lines(
     night: NightView, width: int, height: int, *, window: PlotWindow = NEWEST
 ) -> list[Line]:
     """Plot the confidence of each frame's best detection, misses at 0, tau as a line."""
-    columns = [_confidence_column(row) for row in window.rows(night.rows, width)]
+    rows = window.rows(night.rows, width)
+    columns = [_confidence_column(row) for row in rows]
+    columns = _with_changes(columns, rows, TAUS)
     last = next((row for row in reversed(window.seen(night.rows)) if row.is_reduced), None)
     now = _confidence_words(last)
     if height <= 1:
@@ -170,7 +173,8 @@ def residual_lines(
     many frames a mark stands for. ``of``: the track's name where it is not the lead.
     """
     place, name, strip_name = AXES[axis]
-    columns = [_column(row, place) for row in window.rows(night.rows, width)]
+    rows = window.rows(night.rows, width)
+    columns = _with_changes([_column(row, place) for row in rows], rows, FILTERS)
     newest_first = reversed(window.visible_rows(night.rows, width))
     newest = next((row for row in newest_first if row.sigma_arcsec is not None), None)
     last = None if newest is None else _column(newest, place)
@@ -229,6 +233,25 @@ def nis_lines(
     figures = " · ".join(each for each in (judged.words, learnt) if each)
     said = cut_to_width([(f" {figures}", ink or "dim")], width)
     return [title, *nis_plot(columns, NIS_BAND, width, height - 2), said]
+
+
+TAUS, FILTERS = "detector.", "filter."
+"""Beginnings of the names of the settings whose changes the two kinds of plots show."""
+
+
+def _with_changes(
+    columns: Sequence[PlotColumn], rows: Sequence[FrameRow], names: str
+) -> list[PlotColumn]:
+    """Return the columns with the settings that were changed before each, by their names' begin."""
+    pairs = zip(columns[1:], itertools.pairwise(rows), strict=True) if columns else ()
+    changed = [
+        replace(column, change=words)
+        if before.settings is not after.settings
+        and (words := change_words(before.settings, after.settings, names))
+        else column
+        for column, (before, after) in pairs
+    ]
+    return [*columns[:1], *changed]
 
 
 def _column(row: FrameRow, axis: int) -> PlotColumn:
