@@ -62,6 +62,7 @@ Preset: TypeAlias = Literal["adaptive", "tuned", "paper"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 
 Learning: TypeAlias = Literal["auto", "on", "off"]
+LEARNINGS: tuple[Learning, ...] = get_args(Learning)
 """Whether the filter goes on learning the noise of the night."""
 
 

@@ -3,6 +3,7 @@ from .figures import FigureAccumulator as FigureAccumulator
 from .figures import LeadSummary as LeadSummary
 from .figures import StateSpan as StateSpan
 from .figures import TrackFigures as TrackFigures
+from .figures import lead_figures as lead_figures
 from .figures import lead_summary as lead_summary
 from .figures import recorded_figures as recorded_figures
 from .figures import state_spans as state_spans

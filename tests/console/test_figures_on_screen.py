@@ -20,7 +20,7 @@ from rsoconsole.console.night.engine_view import EngineView, read_engine_view
 from rsoconsole.console.orbit.lines import orbit_lines, orbit_pane_contents, target_words
 from rsoconsole.console.panes.last_line import key_line, live_keys
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
-from rsoconsole.console.tuning.tuning_pane import Tuning
+from rsoconsole.console.tuning.tuning_pane import TuneFigures, Tuning
 from rsoconsole.console.tuning.what_if_watch import (
     count_present_settings_frames,
     lead_track_frames,
@@ -94,12 +94,13 @@ def tuned(now: TrackFigures, then: TrackFigures | None, has_changes: bool, **wor
     tuning.see({"detector.tau": 0.1})
     if has_changes:
         tuning.step(1)
-    return plain(tune_lines(tuning, now, then, words=TuneWords(**words))(47, 22))
+    return plain(tune_lines(tuning, TuneFigures(now, then), words=TuneWords(**words))(47, 22))
 
 
 def test_fewer_measurements_are_said_to_make_the_figures_no_comparison():
     fewer = dataclasses.replace(figures(), updates=26, misses=14, residual_rms_arcsec=0.3)
-    assert "14 fewer measured: rms, NIS not comparable" in tuned(figures(), fewer, True)
+    said = " ".join(tuned(figures(), fewer, True).split())
+    assert "14 fewer frames are measured if tried: rms and NIS are of other frames" in said
     assert "not comparable" not in tuned(figures(), figures(), True)
 
 
@@ -149,8 +150,8 @@ def test_what_was_applied_is_named_with_both_values():
     tuning.changes = {"filter.q_multiplier": 2.25}
     tuning.apply()
     tuning.see({"filter.q_multiplier": 2.25})
-    lines = plain(tune_lines(tuning, figures(), None)(60, 30))
-    assert "nothing tried, Q× 1 → 2.25 in force" in lines
+    lines = plain(tune_lines(tuning, TuneFigures(figures()))(60, 30))
+    assert "tune · Q× 1 → 2.25 in force" in lines
 
 
 def test_a_cross_at_the_mean_nis_has_its_band():

@@ -225,19 +225,19 @@ def _motion_items(
         items.insert(0, (coasts, "warn"))
     if leaving:
         items.insert(0, (leaving, "warn"))
-    if aim := _aim_words(night, engine):
-        items.append((aim, ""))
+    if reason := aim_reason(night, engine):
+        items.append((f"aim: {reason}", ""))
     return items
 
 
-def _aim_words(night: NightView, engine: EngineView) -> str:
-    """Return what predicts the next aim, in the log's words."""
+def aim_reason(night: NightView, engine: EngineView) -> str:
+    """Return what predicts the next aim, in the log's words; empty where there is none."""
     if engine.is_attached and engine.next_aim is not None:
-        return f"aim: {engine.next_aim.reason}"
+        return engine.next_aim.reason
     # What led nowhere yet says nothing once something is followed.
     if night.slew is None or night.slew.track_id is None:
         return ""
-    return f"aim: {night.slew.reason}"
+    return night.slew.reason
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:
