@@ -34,6 +34,7 @@ from .quality import FilterUpdate as FilterUpdate
 from .quality import consistency_of as consistency_of
 from .quality import filter_quality as filter_quality
 from .quality import rms as rms
+from .quality import since_last_change as since_last_change
 from .table_rows import Logged as Logged
 from .table_rows import Row as Row
 from .table_rows import public_table_rows as public_table_rows

@@ -27,7 +27,6 @@ from .filters.agreement import Motion as Motion
 from .filters.agreement import motion_in_exposure as motion_in_exposure
 from .filters.estimator import predict as predict
 from .filters.innovations import NIS_BAND as NIS_BAND
-from .filters.innovations import WINDOW as WINDOW
 from .filters.innovations import Consistency as Consistency
 from .filters.innovations import consistency as consistency
 from .filters.innovations import lag_one_correlation as lag_one_correlation

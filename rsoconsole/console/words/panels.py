@@ -23,9 +23,9 @@ from rsoconsole.console.drawing.plot import (
 from rsoconsole.console.picture.marks import SHOWN_REJECTED
 from rsoconsole.console.words.tunable import change_words
 from rsoconsole.console.words.words import cut_to_width, draw_rule
-from rsoconsole.night import FrameRow, NightView
+from rsoconsole.night import FrameRow, NightView, since_last_change
 from rsoconsole.pipeline import usual_timing_sigma_s
-from rsoconsole.tracking import NIS_BAND, WINDOW, consistency, filter_summary_words
+from rsoconsole.tracking import NIS_BAND, consistency, filter_summary_words
 from rsoconsole.words import angle, short_figure, signed_angle, utc_text
 
 MAX_FRAMES_A_MARK = 64
@@ -136,7 +136,7 @@ def _misfit(row: FrameRow) -> tuple[int, float]:
 NEWEST = PlotWindow()
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
-NIS_FRAMES = 10
+NIS_FRAMES, MOST_JUDGED = 10, 200
 AXES = {"east": (0, "RA·cosδ", "RA"), "north": (1, "δ", "δ ")}
 """Of each axis: its index in a residual, its name, its name where there is one row."""
 
@@ -207,8 +207,8 @@ def nis_lines(
 
     ``of``: the track's name where it is not the lead.
     """
-    newest_first = (row for row in reversed(window.seen(night.rows)) if row.nis is not None)
-    judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
+    rows = since_last_change(window.seen(night.rows))
+    judged_rows = [row for row in rows if row.nis is not None][-MOST_JUDGED:]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
         return [draw_rule(f"{_of(of)}NIS: no update yet", "", width)]
