@@ -174,7 +174,7 @@ def residual_plot(columns: Sequence[PlotColumn], width: int, rows: int) -> list[
     limit = residual_axis_limit(shown)
     canvas = Canvas(width - AXIS_COLUMNS, rows, -limit, limit)
     _draw_residuals(canvas, shown)
-    labels = {limit: _figure(limit), -limit: _figure(-limit)}
+    labels = {limit: _angle(limit), -limit: f"-{_angle(limit)}"}
     if rows % 2 and rows > 1:
         labels[0.0] = "0"
     return canvas.lines(labels)
@@ -374,12 +374,21 @@ def cells_per_frame(columns: int, frames: int) -> int:
 
 
 def _round_up(value: float) -> float:
-    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten, in the unit of `_angle`."""
     if value <= 0.0 or not math.isfinite(value):
         return 1.0
-    power = 10.0 ** math.floor(math.log10(value))
+    unit = next((size for size in (3600.0, 60.0) if value > 2.5 * size), 1.0)
+    power = 10.0 ** math.floor(math.log10(value / unit)) * unit
     steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
     return next(step * power for step in steps if value <= step * power * (1 + 1e-9))
+
+
+def _angle(value_arcsec: float) -> str:
+    """Return an angle in at most four cells; without a unit: arcsec."""
+    for size, unit in ((3600.0, "°"), (60.0, "′")):
+        if value_arcsec >= 3.0 * size:
+            return f"{value_arcsec / size:.3g}{unit}"
+    return f"{value_arcsec:.3g}".removeprefix("0")
 
 
 def _figure(value: float) -> str:
