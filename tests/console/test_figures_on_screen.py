@@ -357,6 +357,21 @@ def test_nothing_is_said_of_a_field_that_does_not_go_with_the_stars(changes: dic
     assert "the field" not in plain(figure_lines(view, engine, None, 120, 5))
 
 
+def test_after_a_slew_by_hand_nothing_is_said_of_the_field_before_it():
+    view, engine = by_hand()
+    row = dataclasses.replace(view.rows[0], mount_icrs_deg=(150.0, -5.0))
+    later = dataclasses.replace(row, frame_id=8, mount_icrs_deg=(157.5, -5.0), is_solved=None)
+    for rows, is_said in (((row,), True), ((row, later), False)):
+        seen = dataclasses.replace(view, rows=rows)
+        said = plain(figure_lines(seen, engine, None, 120, 5))
+        assert ("leaves the field" in said) is is_said
+    ordered = Pointing(
+        t_utc_ns=night.t_of(6), ra_icrs_deg=157.5, dec_icrs_deg=-5.0, is_ordered=True
+    )
+    sent = dataclasses.replace(view, pointing=ordered)
+    assert "leaves the field" not in plain(figure_lines(sent, engine, None, 120, 5))
+
+
 def held(now_utc_ns: int, **changes: Any) -> tuple[NightView, EngineView]:
     """Autonomy has the mount and moves nothing; the frames go on."""
     view, _ = by_hand()

@@ -95,6 +95,10 @@ class PanePlacement(TrackActions):
         banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
         banner.styles.height = box.height
         banner.styles.offset = (0, box.y)
+        log = boxes.get("log")
+        if self.is_log_open and banner.display and log is not None and log.height > box.height:
+            rows = box.y + box.height - log.y
+            _put(self.query_one("#log"), replace(log, y=log.y + rows, height=log.height - rows))
         self._place_keys()
 
     # -- the alert ------------------------------------------------------------------------------

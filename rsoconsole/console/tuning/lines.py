@@ -11,7 +11,7 @@ from rsoconsole.night import merit
 from rsoconsole.tracking import Settled
 from rsoconsole.words import short_figure
 
-LABEL_COLUMNS, VALUE_COLUMNS = 14, 10
+LABEL_COLUMNS, VALUE_COLUMNS = 13, 11
 MIN_SETTINGS = 5
 """Least settings in view beside the figures."""
 ALIKE_LOG_L = 2.0
@@ -110,7 +110,7 @@ def _settled(figures: TuneFigures, tuning: Tuning, words: TuneWords) -> list[Lin
     head += [(f"{each:>{VALUE_COLUMNS}}", "dim") for each in ("in force", "if tried")]
     rows: list[tuple[str, Callable[[Settled], str]]] = [
         ("bounds 3σ", lambda each: _pair(*each.sigma_innovation_arcsec)),
-        ("predicted 3σ", lambda each: _pair(*each.sigma_predicted_arcsec)),
+        ("predicted", lambda each: _pair(*each.sigma_predicted_arcsec)),
         ("gain RA δ", lambda each: f"{short_figure(each.gain[0])} {short_figure(each.gain[1])}"),
         ("after", lambda each: f"{each.updates} frames"),
     ]

@@ -137,6 +137,8 @@ NEWEST = PlotWindow()
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
 NIS_FRAMES, MOST_JUDGED = 10, 200
+WIDE_TITLE = 46
+"""Columns of a plot from which on its title has whole words."""
 AXES = {"east": (0, "RA·cosδ", "RA"), "north": (1, "δ", "δ ")}
 """Of each axis: its index in a residual, its name, its name where there is one row."""
 
@@ -190,8 +192,9 @@ def residual_lines(
     if height <= 1:
         label = f" {_of(of.removeprefix('track '), ':')}{strip_name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
+    said = f"{name} residual" if width >= WIDE_TITLE else strip_name.strip()
     return [
-        draw_rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
+        draw_rule(f"{_of(of)}{said} {value}", f"bounds {bound}", width),
         *residual_plot(columns, width, height - 1),
     ]
 
