@@ -50,8 +50,6 @@ class ReplayedTrack:
 
     first: Measurement
     second: Measurement
-    begun: TrackState
-    """The track's first state, as replayed."""
     settings: FilterConfig
     steps: list[FilterStep] = field(default_factory=list)
 
@@ -103,9 +101,7 @@ def replayed_tracks(frames: Iterable[ReplayedFrame]) -> list[ReplayedTrack]:
                 second = each.after.lead_measured
                 first = _first_of(state, candidates)
                 if first is not None and state.is_lead:
-                    arcs.append(
-                        ReplayedTrack(first=first, second=second, begun=state, settings=settings)
-                    )
+                    arcs.append(ReplayedTrack(first=first, second=second, settings=settings))
             elif state.kind == "predicted" and state.is_lead and arcs:
                 updated = next((s for s in states if s.kind == "updated" and s.is_lead), None)
                 taken = None if updated is None else each.after.lead_measured
@@ -162,10 +158,9 @@ def _of_arc(arc: ReplayedTrack, settings: Mapping[str, float | str]) -> Iterator
         return changed[id(config)]
 
     config = in_place_of(arc.settings)
+    state = estimator.initialise(arc.first, arc.second, config)
     if config.uses_filter_bank:
-        state = adaptive.with_coarse_bank(arc.begun)
-    else:
-        state = lqe.initialise(arc.first, arc.second, config)
+        state = adaptive.with_coarse_bank(state)
     was_measured = False
     for step in arc.steps:
         config, errors = in_place_of(step.settings), StreakErrors(step.along_arcsec)
