@@ -406,6 +406,19 @@ def test_stop_works_while_one_tunes_and_arrows_do_not_nudge(wire: FakeWire):
     play(wire, scene)
 
 
+def test_q_and_r_are_proposed_from_the_pane(wire: FakeWire):
+    """The rig's night is too short to say anything: that is said, and nothing is put on trial."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "p")
+        assert "seeking the likeliest Q and R" in pane(app, "keys")
+        await until(pilot, lambda: "proposal: " in pane(app, "keys"))
+        assert not app.live.tune.tuning.changes
+
+    play(wire, scene)
+
+
 def test_a_preset_is_saved_and_loaded_from_the_pane(
     wire: FakeWire, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

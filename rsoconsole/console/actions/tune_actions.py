@@ -135,16 +135,37 @@ class TuneActions:
         if seat.night.folder is None or seat.night.config is None:
             return
         self._computed_s = time.monotonic()
-        if self._watch is None:
-            self._watch = WhatIfWatch(partial(call_between_messages, seat, self.show_figures))
         until_seq, last = self.figures_scope()
-        self._watch.ask(
+        self._started_watch().ask(
             seat.night.folder,
             seat.night.config,
             self.tuning.changes,
             until_seq=until_seq,
             last=last,
         )
+
+    def _started_watch(self) -> WhatIfWatch:
+        if self._watch is None:
+            between = partial(call_between_messages, self._seat)
+            self._watch = WhatIfWatch(
+                partial(between, self.show_figures), partial(between, self._take_proposal)
+            )
+        return self._watch
+
+    def _propose(self) -> None:
+        """Request the likeliest Q and R of the night so far."""
+        night = self._seat.night
+        if night.folder is None or night.config is None:
+            return
+        self._started_watch().propose(night.folder, night.config)
+        self._seat.say("seeking the likeliest Q and R of this night: up to a minute or two")
+
+    def _take_proposal(self, changes: Mapping[str, Value], words: str) -> None:
+        """Put proposed settings on trial, and say the verdict."""
+        self._seat.say(f"proposal: {words}", "good" if changes else "title")
+        if changes:
+            self.tuning.load({**self.tuning.changes, **changes})
+        self._preview()
 
     def refresh_stale_figures(self) -> None:
         """Request the figures of a visible pane, where the last request is ``EVERY_S`` old."""
@@ -179,6 +200,7 @@ class TuneActions:
             "undo": self._undo,
             "save": self._save,
             "load": self._load,
+            "propose": self._propose,
             "close": self.close,
         }[message.what]()
 

@@ -29,7 +29,7 @@ class TuneWords(NamedTuple):
     """True where the orbit aims the telescope: Q then moves the bounds alone."""
     learnt: str = ""
     """What the filter has learnt of the night's noise."""
-    keys: str = "0-9 enter apply u undo l learn w o"
+    keys: str = "0-9 enter u undo l learn p propose"
 
 
 def tune_lines(

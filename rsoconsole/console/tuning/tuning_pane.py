@@ -33,7 +33,7 @@ from rsoconsole.tracking import Settled
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
 
-Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try", "type"]
+Wanting = Literal["apply", "lend", "undo", "save", "load", "propose", "close", "try", "type"]
 LAST_FRAMES = 40
 
 
@@ -194,6 +194,7 @@ class TunePane(LinesPane, can_focus=False):
         Binding("u", "say('undo')", "Undo"),
         Binding("w", "say('save')", "Save as preset"),
         Binding("o", "say('load')", "Load a preset"),
+        Binding("p", "say('propose')", "Propose Q and R"),
         Binding("l", "learning", "Hold what is learnt, or learn on"),
         Binding("t,escape", "say('close')", "Close"),
         *(Binding(key, f"type('{key}')", show=False) for key in "0123456789"),

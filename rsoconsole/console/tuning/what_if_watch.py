@@ -39,10 +39,18 @@ class WhatIfWatch(Poller):
     process.
     """
 
-    def __init__(self, on_seen: Callable[[TuneFigures, str], None]) -> None:
-        """``on_seen``: called with the figures and a fault, as often as more is known."""
+    def __init__(
+        self,
+        on_seen: Callable[[TuneFigures, str], None],
+        on_proposal: Callable[[Mapping[str, Value], str], None],
+    ) -> None:
+        """Store what is called with each result.
+
+        ``on_seen``: with the figures and a fault, as often as more is known; ``on_proposal``: with
+        proposed settings and the verdict in words.
+        """
         super().__init__("what-if", IDLE_S)
-        self._on_seen = on_seen
+        self._on_seen, self._on_proposal = on_seen, on_proposal
         self._asked: WhatIfQuestion | None = None
         self._log, self._process = SessionLogCache(), WhatIfProcess()
 
@@ -68,6 +76,13 @@ class WhatIfWatch(Poller):
             last=last,
             of_lead=True,
         )
+        if not (self.is_running or self._is_closing):
+            self.start()
+        self.poll_now()
+
+    def propose(self, folder: Path, config: Config) -> None:
+        """Request the likeliest Q and R of a session; it takes a while, figures wait."""
+        self._asked = WhatIfQuestion(folder=folder, config=config, changes={}, proposes=True)
         if not (self.is_running or self._is_closing):
             self.start()
         self.poll_now()
@@ -98,6 +113,10 @@ class WhatIfWatch(Poller):
     def _answer(self, asked: WhatIfQuestion) -> None:
         from rsoconsole.night import lead_figures
 
+        if asked.proposes:
+            found = self._process.propose(asked)
+            self._on_proposal(found.changes, found.words)
+            return
         records = self._log.records_until(asked.folder, asked.until_seq)
         now, newest = lead_figures(records, asked.config, asked.last)
         figures = TuneFigures(now=now)
