@@ -63,8 +63,9 @@ TERMS: tuple[tuple[str, str], ...] = (
     (
         "3σ bounds",
         "The shaded band in the residual plots, where it goes beyond the axis with an open arrow"
-        " at the edge; a dashed line: the bounds by the settings on trial. Of one axis they hold 99.7 % of the residuals when Q"
-        " and R are right; the ellipse of both axes in the picture holds 98.9 %.",
+        " at the edge; a dashed line: the bounds by the settings on trial. Of one axis they hold"
+        " 99.7 % of the residuals when Q and R are right; the ellipse of both axes in the picture"
+        " holds 98.9 %.",
     ),
     (
         "σ (sigma)",
