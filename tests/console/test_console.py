@@ -25,9 +25,10 @@ from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
 from rsoconsole.console.drawing.pane_layout import banner_box, pane_boxes
 from rsoconsole.console.drawing.plot import PlotColumn, residual_axis_limit, residual_plot
 from rsoconsole.console.night.engine_view import read_engine_view
+from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.panes.last_line import key_line, live_keys
 from rsoconsole.console.panes.log_pane import LogPane, log_rows
-from rsoconsole.console.panes.panes import FramePane, StopBanner
+from rsoconsole.console.panes.panes import StopBanner
 from rsoconsole.console.watches import watch
 from rsoconsole.console.watches.messages import StopNewsCame
 from rsoconsole.console.words.facts import figure_lines

@@ -16,8 +16,8 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.keymap import Orders, key_words, load_keymap
 from rsoconsole.console.dialogs.help import help_text
+from rsoconsole.console.panes.frame_pane import SIGHTS, FramePane
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.panes.panes import SIGHTS, FramePane
 from rsoconsole.console.screens.night_screen import ChangedPartsDrawer
 from rsoconsole.control import Command, Hold, MarkByHand, Outcome
 from rsoconsole.records import Detections, Event, NotSolved

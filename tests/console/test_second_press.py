@@ -14,8 +14,8 @@ from rsoconsole.console.actions.second_press import (
 )
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
+from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.panes.last_line import Key
-from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import FRAMES, FakeWire, click, pane, play, until

@@ -2,7 +2,7 @@
 
 from rsoconsole.console.frame._sheet import FrameScreenState, readout_parts, title_parts
 from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends, reprocessed_frame_marks
-from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
+from rsoconsole.console.panes.frame_pane import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import DrawnPicture, LightImage, Picture, greys
 
@@ -21,7 +21,7 @@ class SheetPane(FramePane):
         """Draw the frame again after its state has changed."""
         sheet = self._sheet
         if sheet.pixels is None and sheet.opened is not None:
-            self.picture, self._stretch = sheet.opened.preview, sheet.stretch
+            self.picture, self._look = sheet.opened.preview, sheet.stretch
         self._redraw()
 
     def show_next_view(self) -> None:

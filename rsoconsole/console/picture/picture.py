@@ -14,8 +14,8 @@ import numpy.typing as npt
 from rsoconsole.console.drawing.blocks import QUADRANTS, BlockSet
 from rsoconsole.console.picture.marks import Mark, Window, frame_marks
 from rsoconsole.night import NightFrame
-from rsoconsole.records import Closeup
-from rsoconsole.session import SessionReader
+from rsoconsole.records import ChartStar, Closeup
+from rsoconsole.session import SessionReader, decode_preview_stars
 
 GREYS = 24
 """Steps of grey: enough for the eye, few enough that neighbouring cells share one."""
@@ -34,6 +34,9 @@ LightImage = npt.NDArray[np.float32]
 
 Stretch = Literal["streaks", "asinh", "linear"]
 STRETCHES: tuple[Stretch, ...] = ("streaks", "asinh", "linear")
+Look = Literal["chart"] | Stretch
+LOOKS: tuple[Look, ...] = ("chart", *STRETCHES)
+"""Ways to draw the field: as a chart of its stars, or its pixels by one of the stretches."""
 _PERCENT: dict[Stretch, tuple[float, float]] = {
     "streaks": (DARK_PERCENT, BRIGHT_PERCENT),
     "asinh": (2.0, 99.8),
@@ -61,6 +64,13 @@ class Picture:
     """The close-up: a part of the frame at full resolution; None: none is kept."""
     place: Closeup | None = None
     """Where in the frame the close-up is; None: none is kept."""
+    stars: tuple[ChartStar, ...] | None = None
+    """The frame's brightest stars; None: not known, so there is no chart."""
+
+    @property
+    def has_chart(self) -> bool:
+        """True where the field can be drawn as a chart."""
+        return self.stars is not None and self.detail.detections is not None
 
     @property
     def aspect(self) -> float:
@@ -80,18 +90,26 @@ class DrawnPicture:
     """Pixels of the frame along a square: across a cell, or down half a cell."""
 
 
-def read_preview(path: Path) -> ByteImage | None:
-    """Read a small picture of a session, (height, width); None where it cannot be read (yet)."""
+def decode_preview(coded: bytes) -> ByteImage | None:
+    """Decode a small picture of a session, (height, width); None where it is not whole (yet)."""
     import cv2
 
     try:
-        coded = np.frombuffer(path.read_bytes(), np.uint8)
-        pixels: Any = cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE) if coded.size else None
-    except (OSError, cv2.error):
+        given = np.frombuffer(coded, np.uint8)
+        pixels: Any = cv2.imdecode(given, cv2.IMREAD_GRAYSCALE) if given.size else None
+    except cv2.error:
         return None
     if pixels is None or min(pixels.shape) < SKY_BLOCK_PX:
         return None
     return np.asarray(pixels, np.uint8)
+
+
+def _read(path: Path | None) -> bytes:
+    """Return a file's bytes; empty where there is none, or it cannot be read (yet)."""
+    try:
+        return b"" if path is None else path.read_bytes()
+    except OSError:
+        return b""
 
 
 def preview_light(codes: ByteImage) -> LightImage:
@@ -121,17 +139,35 @@ def draw_field(
     picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: BlockSet = QUADRANTS
 ) -> DrawnPicture:
     """Draw the whole frame, as large as its shape allows in ``columns`` x ``rows`` cells."""
-    columns, rows = cells_for_aspect(picture.aspect, columns, rows)
-    light = _field_light(picture, stretch)
-    found = picture.detail.detections
-    size = (found.width_px, found.height_px) if found is not None else light.shape[::-1]
-    window = Window.at((-0.5, -0.5), (float(size[0]), float(size[1])), (columns, rows))
+    window = _field_window(picture, columns, rows)
+    light = _reduced(_field_light(picture, stretch), window.columns, window.rows, blocks)
     return DrawnPicture(
-        greys=greys(scale_to_brightness(_reduced(light, columns, rows, blocks), stretch)),
+        greys=greys(scale_to_brightness(light, stretch)),
         blocks=blocks,
         window=window,
-        px_per_square=window.width_px / columns,
+        px_per_square=window.width_px / window.columns,
     )
+
+
+def draw_empty_field(
+    picture: Picture, columns: int, rows: int, blocks: BlockSet = QUADRANTS
+) -> DrawnPicture:
+    """Draw the whole frame as dark sky alone, for the signs of a chart."""
+    window = _field_window(picture, columns, rows)
+    size = window.rows * blocks.down, window.columns * blocks.across
+    return DrawnPicture(
+        greys=greys(np.full(size, FLOOR, np.float32)),
+        blocks=blocks,
+        window=window,
+        px_per_square=window.width_px / window.columns,
+    )
+
+
+def _field_window(picture: Picture, columns: int, rows: int) -> Window:
+    found = picture.detail.detections
+    cells = cells_for_aspect(picture.aspect, columns, rows)
+    size = (found.width_px, found.height_px) if found is not None else picture.codes.shape[::-1]
+    return Window.at((-0.5, -0.5), (float(size[0]), float(size[1])), cells)
 
 
 def draw_closeup(
@@ -257,8 +293,8 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
 
     Raises SessionError.
     """
-    path = reader.preview_path(frame_id)
-    codes = read_preview(path) if path is not None else None
+    coded = _read(reader.preview_path(frame_id))
+    codes = decode_preview(coded)
     if codes is None:
         return None
     return Picture(
@@ -269,6 +305,7 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
         marks=frame_marks(detail),
         closeup=read_closeup(reader, detail),
         place=detail.closeup,
+        stars=decode_preview_stars(coded),
     )
 
 
@@ -276,5 +313,4 @@ def read_closeup(reader: SessionReader, detail: NightFrame) -> ByteImage | None:
     """Read a frame's close-up; None where none is kept, or not yet. Raises SessionError."""
     if detail.closeup is None:
         return None
-    path = reader.closeup_path(detail.closeup.frame_id)
-    return read_preview(path) if path is not None else None
+    return decode_preview(_read(reader.closeup_path(detail.closeup.frame_id)))
