@@ -78,6 +78,8 @@ class PictureActions(OperatorScreen):
         if sight == "field":
             is_reading = words.is_past_unread(self.night, self.engine)
             title = words.frame_title(self.night, picture, is_reading=is_reading)
+            if picture is not None and self._sight_now:
+                title = ["field"]  # beside the main pane, where the frame's own title stands
             caption = words.frame_caption(picture)
         else:
             title = words.closeup_title(picture, drawing)
@@ -102,4 +104,4 @@ class PictureActions(OperatorScreen):
         at = max(LOOKS.index(self._look), 0 if has_chart else 1) + 1
         self._look = LOOKS[at] if at < len(LOOKS) else LOOKS[0 if has_chart else 1]
         self.show_picture()
-        self.say("field: chart" if self._look == "chart" else f"pixels: {self._look}")
+        self.say("field: chart" if self._look == "chart" else f"stretch: {self._look}")

@@ -8,12 +8,13 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.app import ComposeResult
 from textual.events import MouseDown, MouseEvent, MouseUp, Resize
+from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
 from rsoconsole.console.drawing.blocks import QUADRANTS, BlockSet, RunKey, fit_to_cells, row_runs
 from rsoconsole.console.drawing.plain import NIGHT
-from rsoconsole.console.picture.chart import chart_characters
+from rsoconsole.console.picture.chart import chart_characters, chart_legend
 from rsoconsole.console.picture.marks import Cells, Mark, MarkKind, Window, mark_characters
 from rsoconsole.console.picture.picture import (
     GREYS,
@@ -183,9 +184,16 @@ class FramePane(Widget):
         return self._strips[y] if y < len(self._strips) else Strip.blank(self.size.width)
 
     def _redraw(self) -> None:
-        self._strips = []
+        before, self._strips = self._strips, []
         if self._pixels is not None:
             self._paint()
+        elif len(before) == self.size.height:
+            self._strips = self._make_strips()
+            width, rows = self.size.width, enumerate(zip(before, self._strips, strict=True))
+            changed = [Region(0, y, width, 1) for y, (was, now) in rows if was != now]
+            if changed:
+                self.refresh(*changed)
+            return
         self.refresh()
 
     def _paint(self) -> None:
@@ -280,17 +288,29 @@ class FramePane(Widget):
             return [blank] * rows
         marks = self._characters(window)
         cells = fit_to_cells(drawing.greys, drawing.blocks)
+        legend = self._legend(window, width)
         return [
-            self._row(row_runs(cells, drawing.blocks, marks, row)).adjust_cell_length(width, style)
+            Strip.join(
+                (
+                    self._row(row_runs(cells, drawing.blocks, marks, row)),
+                    self._text(legend[row] if row < len(legend) else "", "frame--caption"),
+                )
+            ).adjust_cell_length(width, style)
             for row in range(window.rows)
         ] + [blank] * (rows - window.rows)
+
+    def _legend(self, window: Window, width: int) -> list[str]:
+        """Return the lines beside the picture; empty where it is no chart or fills the pane."""
+        if self.picture is None or not self.is_chart:
+            return []
+        return chart_legend(self.picture, window, width - window.columns)
 
     def _characters(self, window: Window) -> Cells:
         """Return what is written over the picture."""
         marks = self._shown_marks()
         if self.is_chart:
             assert self.picture is not None
-            return chart_characters(self.picture.stars or (), marks, window)
+            return chart_characters(self.picture, marks, window)
         return mark_characters(marks, window, has_rejected=True)
 
     def _row(self, parts: list[tuple[str, RunKey]]) -> Strip:

@@ -4,7 +4,7 @@ A cell is two squares high. The session keeps a small picture of the whole frame
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,6 +26,8 @@ SKY_BLOCK_PX = 24
 NOISE_SIGMAS = 6.0
 DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
 BRIGHTEST_SHARE = 0.5
+LOOSE = 1.2
+"""Most by which a chart is drawn wider or higher than the frame's shape: terminals differ by it."""
 MARGIN = 1.3
 """Size of a close-up as a factor on the size of its streak."""
 
@@ -152,8 +154,13 @@ def draw_field(
 def draw_empty_field(
     picture: Picture, columns: int, rows: int, blocks: BlockSet = QUADRANTS
 ) -> DrawnPicture:
-    """Draw the whole frame as dark sky alone, for the signs of a chart."""
+    """Draw the whole frame as dark sky alone, for the signs of a chart.
+
+    It fills the cells where they have about the frame's shape.
+    """
     window = _field_window(picture, columns, rows)
+    if columns <= window.columns * LOOSE and rows <= window.rows * LOOSE:
+        window = replace(window, columns=columns, rows=rows)
     size = window.rows * blocks.down, window.columns * blocks.across
     return DrawnPicture(
         greys=greys(np.full(size, FLOOR, np.float32)),
