@@ -187,14 +187,14 @@ class FramePane(Widget):
         before, self._strips = self._strips, []
         if self._pixels is not None:
             self._paint()
-        elif len(before) == self.size.height:
-            self._strips = self._make_strips()
-            width, rows = self.size.width, enumerate(zip(before, self._strips, strict=True))
-            changed = [Region(0, y, width, 1) for y, (was, now) in rows if was != now]
-            if changed:
-                self.refresh(*changed)
+        if self._pixels is not None or not before or len(before) != self.size.height:
+            self.refresh()
             return
-        self.refresh()
+        self._strips = self._make_strips()
+        width, rows = self.size.width, enumerate(self._strips)
+        changed = [Region(0, y, width, 1) for y, now in rows if before[y : y + 1] != [now]]
+        if changed:
+            self.refresh(*changed)
 
     def _paint(self) -> None:
         """Paint the picture by the terminal's own graphics."""
