@@ -24,7 +24,7 @@ FLOOR = 0.08
 
 SKY_BLOCK_PX = 24
 NOISE_SIGMAS = 6.0
-DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
+DARK_PERCENT, BRIGHT_PERCENT = 50.0, 99.7
 BRIGHTEST_SHARE = 0.5
 LOOSE = 1.2
 """Most by which a chart is drawn wider or higher than the frame's shape: terminals differ by it."""
@@ -202,11 +202,10 @@ def draw_closeup(
     columns, rows = min(columns, width // n), min(rows, height // (2 * n))
     x0, y0 = (width - n * columns) // 2, (height - 2 * n * rows) // 2
     piece = codes[y0 : y0 + 2 * n * rows, x0 : x0 + n * columns]
-    shown = "asinh" if stretch == "streaks" else stretch
-    light = _light(piece, shown)
+    light = _light(piece, stretch)
     corner_px = place.x0_px + x0 - 0.5, place.y0_px + y0 - 0.5
     window = Window.at(corner_px, (float(n * columns), float(2 * n * rows)), (columns, rows))
-    made = greys(scale_to_brightness(_reduced(light, columns, rows, blocks), shown))
+    made = greys(scale_to_brightness(_reduced(light, columns, rows, blocks), stretch))
     return DrawnPicture(greys=made, blocks=blocks, window=window, px_per_square=float(n))
 
 
@@ -281,7 +280,6 @@ def drawn_brightness(
         x0 = round(window.x0_px + 0.5 - picture.place.x0_px)
         y0 = round(window.y0_px + 0.5 - picture.place.y0_px)
         rows, columns = round(window.height_px), round(window.width_px)
-        stretch = "asinh" if stretch == "streaks" else stretch
         light = _light(picture.closeup[y0 : y0 + rows, x0 : x0 + columns], stretch)
     return scale_to_brightness(light, stretch)
 
