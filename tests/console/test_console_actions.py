@@ -20,7 +20,7 @@ from rsoconsole.console.panes.frame_pane import SIGHTS, FramePane
 from rsoconsole.console.panes.log_pane import LogPane
 from rsoconsole.console.screens.night_screen import ChangedPartsDrawer
 from rsoconsole.control import Command, Hold, MarkByHand, Outcome
-from rsoconsole.records import Detections, Event, NotSolved
+from rsoconsole.records import ChartStar, Detections, Event, NotSolved
 from rsoconsole.session import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
@@ -778,6 +778,33 @@ def test_zoom_and_stretch_go_round(wire: FakeWire):
             await pilot.press("f")
             assert f"stretch: {stretch}" in pane(app, "keys")
             assert (f"· {stretch}" in screen_text(app)) is (stretch != "streaks")
+
+    play(wire, scene, LARGE)
+
+
+def test_the_field_is_a_chart_and_f_shows_its_pixels(wire: FakeWire, writer: SessionWriter):
+    stars = [ChartStar(100.0 + 400.0 * k, 150.0 + 300.0 * k, 900.0 * 2.0**k) for k in range(11)]
+    night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
+    night.add_previews(writer, range(FRAMES + 1, FRAMES + 2), stars)
+
+    def field(app: ConsoleApp) -> str:
+        pane_of_it = app.live.picture_panes()[1]
+        return "".join(pane_of_it.render_line(y).text for y in range(pane_of_it.size.height))
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.picture is not None and app.live.picture.has_chart)
+        await until(pilot, lambda: field(app).count("✶") >= 1)
+        assert not set(field(app)) & set("▖▗▘▝▚▞█▌▐")
+        assert "[─]" in field(app) or "[──]" in field(app)
+        for look in ("stretch: streaks", "stretch: asinh", "stretch: linear"):
+            await pilot.press("f")
+            assert look in pane(app, "keys")
+            assert set(field(app)) & set("▖▗▘▝▚▞█▌▐")
+        await pilot.press("f")
+        assert "field: chart" in pane(app, "keys")
+        assert "✶" in field(app)
+        await pilot.press("m")  # what was missed is on no chart
+        assert set(field(app)) & set("▖▗▘▝▚▞█▌▐")
 
     play(wire, scene, LARGE)
 
