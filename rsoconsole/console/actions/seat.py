@@ -25,6 +25,7 @@ from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import DrawnPicture, Picture
 from rsoconsole.console.watches.messages import StopNewsCame, call_between_messages
 from rsoconsole.console.words import words
+from rsoconsole.console.words.facts import aim_reason
 from rsoconsole.console.words.leaving import kept_words
 from rsoconsole.console.words.words import frame_clock_utc_ns
 from rsoconsole.control import SUPERSEDED, Command, Outcome, StopNews, mount_words
@@ -190,6 +191,14 @@ class OperatorScreen(Screen[None]):
 
     def show_picture(self) -> None:
         """Draw the shown frame in both picture panes; does nothing here."""
+
+    def show_bounds_on_trial(self, sigmas_arcsec: Mapping[int, tuple[float, float]]) -> None:
+        """Show bounds by the settings on trial in the plots; does nothing here."""
+
+    @property
+    def aims_by_orbit(self) -> bool:
+        """True where an orbit predicts the next aim."""
+        return aim_reason(self.night, self.engine).startswith("orbit")
 
     def handle_view_change(self) -> None:
         """React to a picture that has moved or shows another part of its frame; does nothing

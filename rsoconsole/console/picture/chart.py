@@ -9,7 +9,7 @@ from rsoconsole.console.picture.marks import Cells, Mark, Window, mark_character
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.records import ChartStar
 
-SIZES = "·•●✶"
+SIZES = "·•◉✶"
 """Signs of stars, the faintest first."""
 LEAST_STEP_MAG = 0.5
 """Least difference between two sizes: stars about equally bright look alike."""

@@ -203,6 +203,8 @@ class NightScreen(PanePlacement, PictureActions, MessageActions, OpeningActions)
         super().show_stop(news)
         self.show_top()
         self.query_one("#stop", StopBanner).display = news is not None
+        if self.is_log_open:
+            self.place_panes()
         self.show_stop_words()
 
     def show_stop_words(self) -> None:

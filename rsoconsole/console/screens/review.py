@@ -31,6 +31,7 @@ from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import recorded_engine_view, review_top_lines, timeline_lines
 from rsoconsole.console.timeline.moments import Moment, ReviewWatch
 from rsoconsole.console.timeline.timeline import Player, Timeline
+from rsoconsole.console.tuning.tuning_pane import TuneFigures
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.night import LogLine, NightView
 
@@ -172,7 +173,7 @@ class ReviewScreen(ReviewComparison):
 
     def _compute_here(self) -> None:
         """Clear the tuning pane's figures of another moment; compute those of this one later."""
-        self.tune.figures = (None, None)
+        self.tune.figures = TuneFigures()
         self.tune.show()
         if not self.player.is_playing:
             self._when_it_stays(
