@@ -96,7 +96,7 @@ def pane_boxes(
     facts_rows = min(3, max(0, y1 - y0))
     middle = Box(x=0, y=y0, width=width, height=max(0, y1 - y0 - facts_rows))
     if has_tuning_column(width, height):
-        _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
+        _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0))
     elif width >= LARGE[0] and height >= LARGE[1]:
         _large(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
     elif width >= FULL[0] and height >= FULL[1]:
@@ -223,9 +223,11 @@ def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
     _stacked(boxes, below, {"facts": facts_rows, "log": log_rows})
 
 
-def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
-    """Lay out pictures, plots with the orbit, and a column for figures and log."""
-    left = _pictures(boxes, all_, all_.height, int(all_.width * 0.42), aspect)
+def _three_columns(boxes: dict[Name, Box], all_: Box) -> None:
+    """Lay out close-up and field, plots with the orbit, and a column for figures and log."""
+    left, chart_rows = int(all_.width * 0.42), round(all_.height * 0.43)
+    pictures: dict[Name, int] = {"closeup": all_.height - chart_rows, "frame": chart_rows}
+    _stacked(boxes, Box(x=0, y=all_.y, width=left, height=all_.height), pictures)
     middle = int((all_.width - left - 2) * 0.5)
     each, orbit_rows = round(all_.height * 0.21), round(all_.height * 0.25)
     plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}

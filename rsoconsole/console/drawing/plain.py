@@ -17,11 +17,11 @@ _SIGNS = str.maketrans(
         **dict(zip("│┃┆┊╎║╷╵▌▐▎▍▋▊▉", "|" * 15, strict=True)),
         **dict.fromkeys("┌┐└┘├┤┬┴┼╭╮╰╯╋╔╗╚╝╠╣╦╩╬", "+"),
         **dict(zip("▁▂▃▄▅▆▇█", "_..--=##", strict=True)),
-        **dict(zip("αδστ″′²³°±×·…•∙○●◆☾☼▸✓✗", "adst\"'23d~x.~*.o*#CO>yn", strict=True)),
+        **dict(zip("αδστ″′²³°±×·…•∙○●◉✶◆☾☼▸✓✗", "adst\"'23d~x.~o.o*O*#CO>yn", strict=True)),
         **dict(zip("↑↓←→↗↘↙↖▲▼‹›▔", "^v<>/\\/\\^v<>-", strict=True)),
         **dict(zip("╍░✎═△▽", "~:n=AV", strict=True)),
         **dict(zip("«»▾▴◂▫", "<>v^<.", strict=True)),
-        "▀": "#",
+        **dict(zip("▀╱╲", "#/\\", strict=True)),
     }
 )
 SPELLED = {"±": "+-", "σ": "sig", "τ": "tau", "α": "RA", "δ": "Dec"}
@@ -246,6 +246,7 @@ ConsoleApp.-theme-night FramePane > .frame--coasted { color: #b03020; }
 ConsoleApp.-theme-night FramePane > .frame--now { color: #c83c28; }
 ConsoleApp.-theme-night FramePane > .frame--now_rejected { color: #b83420; }
 ConsoleApp.-theme-night FramePane > .frame--box { color: #8a1a10; }
+ConsoleApp.-theme-night FramePane > .frame--star { color: #a02818; }
 ConsoleApp.-theme-night FramePane > .frame--cursor { color: #e04830; }
 """
 """Colours of the picture's marks in the night theme; they are bright in other themes."""

@@ -18,9 +18,10 @@ from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.drawing.pane_layout import Name
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.orbit.lines import target_words
+from rsoconsole.console.panes.frame_pane import FramePane, Sight
 from rsoconsole.console.panes.last_line import Key, Mode, review_keys
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.panes.panes import FramePane, MomentField, Sight, TimelinePane
+from rsoconsole.console.panes.panes import MomentField, TimelinePane
 from rsoconsole.console.picture.picture import DrawnPicture, Picture
 from rsoconsole.console.screens._compare import ReviewComparison
 from rsoconsole.console.screens._pane_places import frame_aspect
