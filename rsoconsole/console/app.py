@@ -87,7 +87,7 @@ def _given_environment() -> Mapping[str, str]:
 
 UNCHANGED_ROUNDS = 3
 """Rounds without another focus or screen after which what a key has set off is over."""
-SETTLES_WITHIN_S = 2.0
+SETTLES_WITHIN_S = 5.0
 """Longest wait, s, of a key for what the key before it has set off."""
 SEARCH_POLL_S = 0.01
 

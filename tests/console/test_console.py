@@ -761,11 +761,15 @@ def test_h_holds_and_resumes_and_the_first_line_says_held(wire: FakeWire) -> Non
 def test_p_parks_only_after_it_has_asked(wire: FakeWire) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        for keys in (["p", "p", "escape"], ["p", "enter"]):
+        for keys in (["p", "escape"], ["enter"]):
+            await pilot.press("p")
+            await can_answer(app, pilot)
             await pilot.press(*keys)
             await until(pilot, lambda: app.screen is app.live)
             assert wire.verbs == []
-        await pilot.press("p", "y")
+        await pilot.press("p")
+        await can_answer(app, pilot)
+        await pilot.press("y")
         await until(pilot, lambda: wire.verbs == ["park"])
         await until(pilot, lambda: "park: done" in pane(app, "keys"))
 

@@ -27,6 +27,7 @@ from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (
     FRAMES,
     PATIENCE_S,
+    PREVIEW,
     FakeWire,
     can_answer,
     click,
@@ -40,22 +41,6 @@ from tests.rigs.seat_rig import (
 LARGE = (120, 40)
 YOURS = {"state": "MANUAL", "holder": "operator"}
 IDLE = {"state": "IDLE", "holder": "nobody"}
-PREVIEW = {
-    "ra_icrs_deg": 83.05,
-    "dec_icrs_deg": -4.87,
-    "ra_date_deg": 83.33,
-    "dec_date_deg": -4.86,
-    "alt_deg": 47.2,
-    "az_deg": 201.3,
-    "way_deg": 12.4,
-    "slew_s": 9.0,
-    "pier_side": "west",
-    "pier_side_after": "east",
-    "margins_deg": [["altitude", 32.0]],
-    "refused": None,
-}
-
-
 # -- the list of commands -----------------------------------------------------------------------
 
 

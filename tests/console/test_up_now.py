@@ -18,8 +18,7 @@ from rsoconsole.control import Outcome
 from rsoconsole.orbits import parse_catalogue
 from rsoconsole.pipeline import visible_satellites
 from rsoconsole.sky import iso_to_utc_ns
-from tests.console.test_console_actions import PREVIEW
-from tests.rigs.seat_rig import FakeWire, play, until
+from tests.rigs.seat_rig import PREVIEW, FakeWire, play, until
 
 NOW = iso_to_utc_ns("2023-06-22T05:30:00Z")
 LOW = """ISS (ZARYA)
