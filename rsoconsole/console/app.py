@@ -33,6 +33,8 @@ from rsoconsole.console.drawing.plain import (
     COLOURS,
     NIGHT_CSS,
     THEMES,
+    TRACK_COLOURS,
+    TRACK_CSS,
     AsciiFilter,
     ControlCharacterFilter,
 )
@@ -104,7 +106,7 @@ class ConsoleApp(App[str]):
     """The console as a Textual application. Its result is "quit" or "stop engine"."""
 
     TITLE = "rsoconsole"
-    CSS = NIGHT_CSS
+    CSS = TRACK_CSS + NIGHT_CSS
     BINDINGS: ClassVar[list[BindingType]] = [
         *bindings(None),
         # An x right behind the escape key.
@@ -190,6 +192,10 @@ class ConsoleApp(App[str]):
                 folder=review[0],
                 start=review[1],
             )
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        """Return the colours of the tracks' numbers, for themes that have none of their own."""
+        return TRACK_COLOURS
 
     def on_mount(self) -> None:
         """Apply settings and themes and show the first screen, then start the watches."""

@@ -16,7 +16,7 @@ from textual.widgets import Input
 
 from rsoconsole.console.drawing.blocks import QUADRANTS, BlockSet, RunKey, fit_to_cells, row_runs
 from rsoconsole.console.drawing.plain import NIGHT
-from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.drawing.plot import Line, TrackInk
 from rsoconsole.console.picture.marks import Mark, MarkKind, mark_characters
 from rsoconsole.console.picture.picture import (
     GREYS,
@@ -45,6 +45,7 @@ INKS = {
     "alarm": "bold $text-error",
     "title": "bold",
     "here": "bold reverse",
+    **{ink: f"bold ${ink.replace('_', '-')}" for ink in get_args(TrackInk)},
 }
 
 

@@ -188,6 +188,7 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
             mode=self.mode,
             keymap=self.keymap,
             is_in_cloud=self.night.is_in_cloud,
+            has_several=len(self.night.tracks) > 1,
         )
 
     @property
