@@ -16,7 +16,7 @@ from textual.events import Key
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from rsoconsole.console.actions.second_press import SETTLES_S
+from rsoconsole.console.actions.second_press import REPEAT_S, SETTLES_S
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import SEAT_COMMANDS
 from rsoconsole.console.commands.key_parser import KeyParser
@@ -26,8 +26,9 @@ from rsoconsole.console.dialogs.dialogs import UNASKED_DEAF_S, ConfirmDialog, Le
 from rsoconsole.console.dialogs.session_list import SessionListDialog
 from rsoconsole.console.dialogs.up_list import VisibleSatellitesDialog
 from rsoconsole.console.panes.panes import MomentField
+from rsoconsole.console.screens.live import LiveScreen
 from rsoconsole.console.screens.review import ReviewScreen
-from tests.rigs.seat_rig import FakeWire, can_answer, play, until
+from tests.rigs.seat_rig import FakeWire, can_answer, pane, play, until
 from tests.rigs.terminal import EVERY_S, Terminal
 
 ESC, UP, ENTER, BACKSPACE = "\x1b", "\x1b[A", "\r", "\x7f"
@@ -288,6 +289,44 @@ def test_an_answer_counts_once_the_question_has_been_drawn(wire: FakeWire, keys:
         assert isinstance(app.screen, dialog)
         await pilot.press(keys[-1])
         await until(pilot, lambda: not isinstance(app.screen, dialog))
+
+    play(wire, scene)
+
+
+def test_two_presses_that_came_together_are_no_two_presses_however_late_they_are_handled(
+    wire: FakeWire,
+):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        first, second = Key("s", "s"), Key("s", "s")
+        app.post_message(first)
+        await until(pilot, lambda: "s again within 2 s" in pane(app, "keys"))
+        await asyncio.sleep(3.0 * REPEAT_S)
+        second.time = first.time + 0.1 * REPEAT_S
+        app.post_message(second)
+        await until(pilot, lambda: "s is held down" in pane(app, "keys"))
+        await asyncio.sleep(2.0 * SETTLES_S)
+        assert wire.verbs == []
+
+    play(wire, scene)
+
+
+def test_stop_drops_a_key_that_is_on_its_way(wire: FakeWire, monkeypatch: pytest.MonkeyPatch):
+    on_key = LiveScreen.on_key
+
+    def stop_meanwhile(screen: LiveScreen, event: Key) -> None:
+        on_key(screen, event)
+        if event.key == "n":
+            screen.app.action_stop()
+
+    monkeypatch.setattr(LiveScreen, "on_key", stop_meanwhile)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        burst(app, "n", "p")
+        await until(pilot, lambda: wire.verbs == ["stop"])
+        await asyncio.sleep(A_MOMENT_S)
+        assert app.screen is app.live
 
     play(wire, scene)
 
