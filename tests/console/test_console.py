@@ -866,7 +866,7 @@ def test_leaving_asks_what_becomes_of_the_engine(
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press(keys[0])
-        await until(pilot, lambda: app.screen is not app.live)
+        await can_answer(app, pilot)
         await pilot.press(*keys[1:])
         await until(pilot, lambda: wire.verbs == sent)
         if ending is not None:
@@ -894,7 +894,9 @@ def test_an_engine_that_does_not_end_keeps_the_seat_open(wire: FakeWire) -> None
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("q", "s")
+        await pilot.press("q")
+        await can_answer(app, pilot)
+        await pilot.press("s")
         await until(pilot, lambda: wire.verbs == ["shutdown"] and app.screen is not app.live)
         assert app.return_value is None
 

@@ -28,7 +28,7 @@ from rsoconsole.console.dialogs.up_list import VisibleSatellitesDialog
 from rsoconsole.console.panes.panes import MomentField
 from rsoconsole.console.screens.live import LiveScreen
 from rsoconsole.console.screens.review import ReviewScreen
-from tests.rigs.seat_rig import FakeWire, can_answer, pane, play, until
+from tests.rigs.seat_rig import FakeWire, can_answer, opened, pane, play, until
 from tests.rigs.terminal import EVERY_S, Terminal
 
 ESC, UP, ENTER, BACKSPACE = "\x1b", "\x1b[A", "\r", "\x7f"
@@ -91,9 +91,9 @@ def terminal(told_night: Path, tmp_path_factory: pytest.TempPathFactory) -> Iter
     environment = {**os.environ, **homes, **config, "LANG": "C.UTF-8", "LC_ALL": "C.UTF-8"}
     sent = folder / "sent"
     command = [sys.executable, "-m", "tests.rigs.made_up_console", str(told_night), str(sent)]
-    with Terminal(command, environment, SIZE) as opened:
-        wait_for(lambda: opened.shows("AUTO has the mount", "frame 0020"), "a console")
-        yield Seat(opened, sent)
+    with Terminal(command, environment, SIZE) as shown:
+        wait_for(lambda: shown.shows("AUTO has the mount", "frame 0020"), "a console")
+        yield Seat(shown, sent)
 
 
 NOTED = ["note", {"text": "it is clear"}]
@@ -237,13 +237,13 @@ OPENERS = [
 @pytest.mark.parametrize("key", [*OPENERS, "ctrl+p"])
 def test_escape_behind_a_key_closes_what_the_key_opens(wire: FakeWire, key: str):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
-        opened: list[str] = []
+        seen: list[str] = []
         await until(pilot, lambda: app.live.engine.is_attached and bool(app.live.night.measured))
-        app.screen_change_signal.subscribe(app.live, lambda s: opened.append(type(s).__name__))
+        app.screen_change_signal.subscribe(app.live, lambda s: seen.append(type(s).__name__))
         burst(app, key, "escape", "n", "1")
         await until(pilot, lambda: isinstance(app.focused, Input) and app.focused.value == "1")
         assert isinstance(app.screen, LineDialog)
-        assert len(opened) == 3  # what the key opened, the screen again, the note
+        assert len(seen) == 3  # what the key opened, the screen again, the note
         assert len(app.screen_stack) == 3
 
     play(wire, scene)
@@ -265,8 +265,6 @@ def test_a_frame_typed_with_the_key_that_asks_for_it_is_gone_to_in_a_review(wire
 
 
 def play_review(wire: FakeWire, scene: Callable[..., Any], session: Path) -> None:
-    from tests.rigs.seat_rig import opened
-
     async def run() -> None:
         app = ConsoleApp(lambda: wire, review=(session, ""))
         async with opened(app, SIZE) as pilot:
