@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App, SystemCommand
 from textual.binding import Binding, BindingType
+from textual.events import Event, Key
 from textual.screen import Screen
+from textual.widget import Widget
 from textual.widgets import Input, TextArea
 
 from rsoconsole.config import ConsoleConfig, IndiConfig
@@ -30,6 +33,8 @@ from rsoconsole.console.drawing.plain import (
     COLOURS,
     NIGHT_CSS,
     THEMES,
+    TRACK_COLOURS,
+    TRACK_CSS,
     AsciiFilter,
     ControlCharacterFilter,
 )
@@ -82,8 +87,11 @@ def _given_environment() -> Mapping[str, str]:
     return dict(entry.partition("=")[::2] for entry in entries if "=" in entry)
 
 
-AFTER_ESCAPE_S = 0.05
-"""Seconds that the action of escape gets before the key typed right behind escape acts."""
+UNCHANGED_ROUNDS = 3
+"""Rounds without another focus or screen after which what a key has set off is over."""
+SETTLES_WITHIN_S = 5.0
+"""Longest wait, s, of a key for what the key before it has set off."""
+SEARCH_POLL_S = 0.01
 
 
 def command_action(owner: Any, key: KeyCommand) -> Callable[[], Any]:
@@ -98,16 +106,11 @@ class ConsoleApp(App[str]):
     """The console as a Textual application. Its result is "quit" or "stop engine"."""
 
     TITLE = "rsoconsole"
-    CSS = NIGHT_CSS
+    CSS = TRACK_CSS + NIGHT_CSS
     BINDINGS: ClassVar[list[BindingType]] = [
         *bindings(None),
-        # As a terminal hands over an x right behind the escape key.
+        # An x right behind the escape key.
         Binding("alt+x", "stop", "STOP", priority=True, show=False),
-        # Any other key right behind it: both count, the first of them first.
-        *(
-            Binding(f"alt+{key}", f"after_escape('{key}')", priority=True, show=False)
-            for key in "abcdefghijklmnopqrstuvwyz0123456789"
-        ),
         # Leaving is never by accident: the screen asks first.
         Binding("ctrl+q,ctrl+c", "leave", "Leave", priority=True, show=False),
     ]
@@ -149,6 +152,11 @@ class ConsoleApp(App[str]):
         self._tour = tour
         self.blocks = blocks
         self._settings = settings or ConsoleConfig()
+        self._keys: deque[Key] = deque()
+        """Keys that wait until what the keys before them have set off is over."""
+        self._last_key: Key | None = None
+        """The key that was handed over last."""
+        self._is_handing_over = False
         self._last: tuple[NightView, EngineView] = (NightView(), EngineView())
         self._newest: tuple[NightView, Picture | None] | None = None
         """Newest (night, picture) not shown yet; older ones are dropped while a screen is busy."""
@@ -184,6 +192,10 @@ class ConsoleApp(App[str]):
                 folder=review[0],
                 start=review[1],
             )
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        """Return the colours of the tracks' numbers, for themes that have none of their own."""
+        return TRACK_COLOURS
 
     def on_mount(self) -> None:
         """Apply settings and themes and show the first screen, then start the watches."""
@@ -222,6 +234,66 @@ class ConsoleApp(App[str]):
         if action == "stop_by_letter":
             return not isinstance(self.focused, Input | TextArea)
         return super().check_action(action, parameters)
+
+    # -- keys that arrive together ------------------------------------------------------------
+
+    async def on_event(self, event: Event) -> None:
+        """Handle an event; a key waits until what the keys before it have set off is over.
+
+        So keys that arrive together go in their order to the field or dialog that the first of them
+        opens. STOP's keys never wait.
+        """
+        if not isinstance(event, Key) or event.is_forwarded or self._is_stop(event.key):
+            await super().on_event(event)
+            return
+        self._keys.append(event)
+        if not self._is_handing_over:
+            self._is_handing_over = True
+            self.run_worker(self._hand_over_keys())
+
+    def _is_stop(self, key: str) -> bool:
+        return key in {"ctrl+x", "alt+x"} or (
+            key == "x" and bool(self.check_action("stop_by_letter", ()))
+        )
+
+    async def _hand_over_keys(self) -> None:
+        """Hand the waiting keys over, each to what has the focus by then."""
+        while self._keys:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(SETTLES_WITHIN_S):
+                    await self._settle()
+            if self._keys:
+                self._last_key = self._keys.popleft()
+                await super().on_event(self._last_key)
+        self._is_handing_over = False
+
+    async def _settle(self) -> None:
+        """Wait until what the last key has set off is over.
+
+        Each round goes behind every message that lies between the focus and the application.
+        """
+        unchanged = 0
+        while unchanged < UNCHANGED_ROUNDS:
+            place = self._place_of_keys
+            for node in place.ancestors_with_self:
+                is_done = asyncio.Event()
+                if node.call_later(is_done.set):
+                    await is_done.wait()
+            is_same = place is self._place_of_keys
+            unchanged = unchanged + 1 if is_same and not self._is_searching else 0
+            if self._is_searching:
+                await asyncio.sleep(SEARCH_POLL_S)
+
+    @property
+    def _place_of_keys(self) -> Widget:
+        """The widget with the focus; without one the uppermost screen."""
+        focused = self.focused
+        return self.screen if focused is None else focused
+
+    @property
+    def _is_searching(self) -> bool:
+        """True while the list of commands is being searched for what was typed."""
+        return any(each.node is self.screen and each.is_running for each in self.workers)
 
     @property
     def night_screen(self) -> NightScreen:
@@ -263,15 +335,13 @@ class ConsoleApp(App[str]):
         self.action_leave()
 
     def action_stop(self) -> None:
-        """Send STOP, from whatever screen is shown."""
+        """Send STOP, from whatever screen is shown; what was typed before it is dropped."""
+        self._keys.clear()
+        if self._last_key is not None:
+            self._last_key.stop()
         self.root.stop()
 
     action_stop_by_letter = action_stop
-
-    def action_after_escape(self, key: str) -> None:
-        """Handle a key that followed escape at once: run escape's action, then that of ``key``."""
-        self.simulate_key("escape")
-        self.set_timer(AFTER_ESCAPE_S, partial(self.simulate_key, key))
 
     def action_help(self) -> None:
         """Show the help: keys, signs and terms.

@@ -107,6 +107,7 @@ def _run(
     ``more``: further arguments of ``ConsoleApp``.
     """
     from rsoconsole.console.app import ConsoleApp
+    from rsoconsole.console.commands.key_parser import install_parser
     from rsoconsole.console.picture.graphics import choose_drawing_mode
 
     drawn = choose_drawing_mode(graphics or config.console.graphics)
@@ -118,6 +119,7 @@ def _run(
         blocks=drawn.blocks,
         **more,
     )
+    install_parser()
     # Under nohup it would be ignored, and a console without a terminal would stay for ever.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     # What the libraries have made stays for good: a collection that walks all of it again and

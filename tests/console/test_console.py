@@ -770,11 +770,15 @@ def test_h_holds_and_resumes_and_the_first_line_says_held(wire: FakeWire) -> Non
 def test_p_parks_only_after_it_has_asked(wire: FakeWire) -> None:
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        for keys in (["p", "p", "escape"], ["p", "enter"]):
+        for keys in (["p", "escape"], ["enter"]):
+            await pilot.press("p")
+            await can_answer(app, pilot)
             await pilot.press(*keys)
             await until(pilot, lambda: app.screen is app.live)
             assert wire.verbs == []
-        await pilot.press("p", "y")
+        await pilot.press("p")
+        await can_answer(app, pilot)
+        await pilot.press("y")
         await until(pilot, lambda: wire.verbs == ["park"])
         await until(pilot, lambda: "park: done" in pane(app, "keys"))
 
@@ -871,7 +875,7 @@ def test_leaving_asks_what_becomes_of_the_engine(
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press(keys[0])
-        await until(pilot, lambda: app.screen is not app.live)
+        await can_answer(app, pilot)
         await pilot.press(*keys[1:])
         await until(pilot, lambda: wire.verbs == sent)
         if ending is not None:
@@ -899,7 +903,9 @@ def test_an_engine_that_does_not_end_keeps_the_seat_open(wire: FakeWire) -> None
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("q", "s")
+        await pilot.press("q")
+        await can_answer(app, pilot)
+        await pilot.press("s")
         await until(pilot, lambda: wire.verbs == ["shutdown"] and app.screen is not app.live)
         assert app.return_value is None
 

@@ -27,6 +27,7 @@ from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import (
     FRAMES,
     PATIENCE_S,
+    PREVIEW,
     FakeWire,
     can_answer,
     click,
@@ -40,22 +41,6 @@ from tests.rigs.seat_rig import (
 LARGE = (120, 40)
 YOURS = {"state": "MANUAL", "holder": "operator"}
 IDLE = {"state": "IDLE", "holder": "nobody"}
-PREVIEW = {
-    "ra_icrs_deg": 83.05,
-    "dec_icrs_deg": -4.87,
-    "ra_date_deg": 83.33,
-    "dec_date_deg": -4.86,
-    "alt_deg": 47.2,
-    "az_deg": 201.3,
-    "way_deg": 12.4,
-    "slew_s": 9.0,
-    "pier_side": "west",
-    "pier_side_after": "east",
-    "margins_deg": [["altitude", 32.0]],
-    "refused": None,
-}
-
-
 # -- the list of commands -----------------------------------------------------------------------
 
 
@@ -287,6 +272,7 @@ def test_go_to_shows_the_way_before_anything_moves(wire: FakeWire):
             assert words in text
         assert "to the east of the pier" in text
         assert "goto" not in wire.verbs
+        await can_answer(app, pilot)
         await pilot.press("enter")
         await until(pilot, lambda: "goto" in wire.verbs)
         sent = dict(wire.sent[-1][1])
@@ -304,6 +290,7 @@ def test_a_move_that_is_refused_says_why_and_enter_does_nothing(wire: FakeWire):
         said = await typed_into_goto(app, pilot, "alt 3 az 180")
         await until(pilot, lambda: "REFUSED" in str(said.render()))
         assert refusal in str(said.render())
+        await can_answer(app, pilot)
         await pilot.press("enter")
         app.screen.query_one(Input).value = "nowhere at all"
         await until(pilot, lambda: "no star known" in str(said.render()))
@@ -359,6 +346,7 @@ def test_centring_shows_the_way_before_it_takes_the_mount_from_autonomy(wire: Fa
         since_s = (app.live.engine.now_utc_ns - track.t_utc_ns) / NS
         assert since_s > 5.0
         now_deg = track.x[0] + track.x[1] * since_s
+        await can_answer(app, pilot)
         await pilot.press("enter")
         await until(pilot, lambda: wire.verbs == ["preview", "goto"])
         assert wire.sent[-1][1] == wire.sent[0][1]
@@ -376,6 +364,7 @@ def test_centring_that_is_refused_goes_nowhere(wire: FakeWire):
         await until(pilot, lambda: app.screen is not app.live)
         said = app.screen.query_one("#told", Static)
         await until(pilot, lambda: "REFUSED  a wall" in str(said.render()))
+        await can_answer(app, pilot)
         await pilot.press("enter", "escape")
         await until(pilot, lambda: app.screen is app.live)
         assert wire.verbs == ["preview"]
@@ -525,7 +514,7 @@ def test_a_measurement_is_rejected_by_its_number(wire: FakeWire, keys: list[str]
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press("j")
-        await until(pilot, lambda: app.screen is not app.live)
+        await can_answer(app, pilot)
         lines = [str(button.label) for button in app.screen.query(Button)]
         assert lines[0].startswith(f"1  frame {FRAMES:04d}  02:22:50Z")
         assert "detector" in lines[0]

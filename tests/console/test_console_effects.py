@@ -106,9 +106,9 @@ EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
     "aim": (["i", "text:20", "told", "enter"], lambda r: setting(r, "aim.lead_s") == 20.0),
     "exposure": (["e", "text:5", "enter"], lambda r: setting(r, "exposure.exposure_s") == 5.0),
     "abort_exposure": (["b"], lambda r: is_done(r, "abort")),
-    "park": (["p", "y"], lambda r: r.mount.is_parked),
+    "park": (["p", "asked", "y"], lambda r: r.mount.is_parked),
     "unpark": (
-        ["p", "y", "done:park", "ctrl+u"],
+        ["p", "asked", "y", "done:park", "ctrl+u"],
         lambda r: not r.mount.is_parked and is_done(r, "unpark"),
     ),
     "track_or_stand": (["twice:a", "done:disarm", "k"], lambda r: not r.mount.is_tracking),
@@ -193,6 +193,7 @@ async def press(app: ConsoleApp, pilot: Pilot[str], r: Rig, key: str) -> None:
         await until(
             pilot, lambda: any("way" in str(w.render()) for w in app.screen.query("Static"))
         )
+        await can_answer(app, pilot)
     elif key.startswith("done:"):
         await until(pilot, lambda: key.removeprefix("done:") in done(r))
         await until(pilot, lambda: app.screen is app.live and app.live.engine.holder == "nobody")

@@ -470,21 +470,6 @@ def test_a_figure_on_the_keyboard_begins_a_number_for_the_chosen_setting(wire: F
     play(wire, scene)
 
 
-def test_a_key_right_behind_escape_counts_too(wire: FakeWire):
-    """As a terminal hands both over: alt and the letter."""
-
-    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
-        await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("t")
-        assert app.live.tune.is_open
-        await pilot.press("alt+o")
-        await until(pilot, lambda: app.live.is_orbit_open)
-        assert not app.live.tune.is_open
-        assert app.screen is app.live
-
-    play(wire, scene, (100, 30))
-
-
 def test_beside_the_open_pane_plots_figures_and_log_are_seen(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)

@@ -18,8 +18,7 @@ from rsoconsole.control import Outcome
 from rsoconsole.orbits import parse_catalogue
 from rsoconsole.pipeline import visible_satellites
 from rsoconsole.sky import iso_to_utc_ns
-from tests.console.test_console_actions import PREVIEW
-from tests.rigs.seat_rig import FakeWire, play, until
+from tests.rigs.seat_rig import PREVIEW, FakeWire, can_answer, play, until
 
 NOW = iso_to_utc_ns("2023-06-22T05:30:00Z")
 LOW = """ISS (ZARYA)
@@ -112,6 +111,7 @@ def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: Fak
         await until(pilot, lambda: "INTELSAT 14 (36097)" in str(said.render()))
         await until(pilot, lambda: "enter goes there" in str(said.render()))
         assert "goto" not in wire.verbs
+        await can_answer(app, pilot)
         await pilot.press("enter")
         await until(pilot, lambda: "goto" in wire.verbs)
 

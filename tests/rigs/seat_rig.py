@@ -2,6 +2,7 @@
 
 import asyncio
 import atexit
+import math
 import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -33,6 +34,21 @@ FULL = (80, 24)
 ANSWERED = {"is_answered": True, "number": 1, "path": "mount", "ms": 12.0}
 """The mount's driver has taken ABORT; how the mount moves is being measured."""
 STOPPED = ANSWERED | {"motion": "tracks"}
+PREVIEW = {
+    "ra_icrs_deg": 83.05,
+    "dec_icrs_deg": -4.87,
+    "ra_date_deg": 83.33,
+    "dec_date_deg": -4.86,
+    "alt_deg": 47.2,
+    "az_deg": 201.3,
+    "way_deg": 12.4,
+    "slew_s": 9.0,
+    "pier_side": "west",
+    "pier_side_after": "east",
+    "margins_deg": [["altitude", 32.0]],
+    "refused": None,
+}
+"""Of a go-to that nothing speaks against."""
 
 Play = Callable[[ConsoleApp, Pilot[str]], Awaitable[None]]
 
@@ -202,7 +218,13 @@ def has_outlook(app: ConsoleApp) -> bool:
 
 async def can_answer(app: ConsoleApp, pilot: Pilot[str]) -> None:
     """Wait for a dialog, and until it takes an answer."""
-    await until(pilot, lambda: isinstance(app.screen, Dialog) and not app.screen.ignores_keys)
+
+    def is_ready() -> bool:
+        dialog = app.screen
+        is_drawn = isinstance(dialog, Dialog) and dialog._opened_s < math.inf
+        return is_drawn and not dialog.ignores_keys
+
+    await until(pilot, is_ready)
 
 
 def pane(app: ConsoleApp, name: str) -> str:

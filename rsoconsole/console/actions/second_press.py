@@ -56,6 +56,12 @@ class SecondPress:
         self._name, self._asked_s, self._is_held = name, now_s, False
         return "asked"
 
+    def note_repeat(self, now_s: float) -> None:
+        """Note that the key of the next press came as a key held down repeats, however late it is
+        handled.
+        """
+        self._last_s = now_s
+
     def forget(self) -> None:
         """Forget the first press and cancel a waiting action, because another key was pressed."""
         self.number += 1

@@ -60,13 +60,31 @@ class TrackActions(PlotActions):
 
     def action_move_track_cursor(self, by: int) -> None:
         """Move the list's cursor by ``by`` rows; a negative number moves it up."""
-        tracks, chosen = self.night.tracks, self.chosen_track
-        if tracks:
-            chosen_id = None if chosen is None else chosen.track_id
-            at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen_id)), 0)
-            track = tracks[min(max(at + by, 0), len(tracks) - 1)]
-            self.chosen_track_id = None if track.is_lead else track.track_id
+        if self.night.tracks:
+            self._choose_track(min(max(self._chosen_index + by, 0), len(self.night.tracks) - 1))
         self.show_plots()
+
+    def action_next_track(self) -> None:
+        """Choose the next track; behind the last one comes the first."""
+        count = len(self.night.tracks)
+        if count < 2:
+            self.say("no second satellite is followed")
+            return
+        track = self._choose_track((self._chosen_index + 1) % count)
+        self.show_plots()
+        self.say(f"plots: {track_words(self.night, track)}")
+
+    @property
+    def _chosen_index(self) -> int:
+        """Index of the chosen track; without one that of the lead."""
+        chosen = None if self.chosen_track is None else self.chosen_track.track_id
+        found = (n for n, each in enumerate(self.night.tracks) if is_chosen(each, chosen))
+        return next(found, 0)
+
+    def _choose_track(self, index: int) -> FollowedTrack:
+        track = self.night.tracks[index]
+        self.chosen_track_id = None if track.is_lead else track.track_id
+        return track
 
     def action_make_lead(self) -> None:
         """Make the chosen track the lead; the other tracks are still followed."""

@@ -263,6 +263,13 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         " the chosen one",
         "plots",
     ),
+    _on_both(
+        "next_track",
+        "tab",
+        "Next satellite",
+        "the plots of the next one that is followed",
+        "plots",
+    ),
     KeyCommand("plots_back", "comma", "Plots back", "to earlier frames", "plots"),
     KeyCommand("plots_on", "full_stop", "Plots on", "to later frames", "plots"),
     KeyCommand("plots_wider", "minus", "More frames", "twice as many to a mark", "plots"),

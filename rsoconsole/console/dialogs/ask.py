@@ -55,6 +55,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
     ICRS, degrees; None: cancelled.
     """
 
+    ANSWERS = frozenset(("enter",))
+
     def __init__(
         self,
         config: Callable[[], Config | None],
@@ -139,6 +141,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
             self._say(f"{words}\n{outcome.message}")
             return
         self._preview = preview = read_record(MovePreview, outcome.data)
+        self.note_question()
         caution = [self._caution] if self._caution and preview and not preview.refused else []
         self._say("\n".join([words, *preview_lines(preview, GOES), *caution]))
 
@@ -165,6 +168,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 class MoveDialog(Dialog[bool | None]):
     """Dialog that previews the move to a streak and asks whether to go. Result: True or None."""
 
+    ANSWERS = frozenset(("enter",))
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "go", "Go")]
 
     def __init__(self, direction: tuple[float, float], caution: str, orders: Orders) -> None:
@@ -190,6 +194,7 @@ class MoveDialog(Dialog[bool | None]):
         self._may_go = preview is not None and not preview.refused
         rows = [*lines, *([self._caution] if self._caution else [])]
         self.query_one("#told", Static).update("\n".join(rows))
+        self.note_question()
 
     def action_go(self) -> None:
         """Close with True, if the engine's preview is shown and refuses nothing."""

@@ -173,6 +173,8 @@ def measurement_words(each: RecentMeasurement) -> str:
 class RejectDialog(Dialog[int | None]):
     """Dialog of the last measurements, to reject one. Result: the measurement's frame, or None."""
 
+    ANSWERS = None
+
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("j", "newest", "The newest", show=False),
         Binding("q", "put_away", "Back", show=False),

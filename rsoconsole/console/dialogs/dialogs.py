@@ -52,32 +52,45 @@ class Dialog(ModalScreen[Result], Generic[Result]):
     """Time at which a dialog was closed last, monotonic seconds."""
     opens_unasked = False
     """True where the engine's answer opened the dialog, not a key."""
+    ANSWERS: ClassVar[frozenset[str] | None] = frozenset()
+    """Keys that answer a question which must have been read; None: every key but Esc."""
     _opened_s = math.inf
+    """Time of the first paint, or that of the last question, monotonic seconds."""
     _dropped_s = -math.inf
     """Time at which a key was dropped last, monotonic seconds."""
 
     async def on_event(self, event: Event) -> None:
-        """Handle an event; drop keys while ``ignores_keys`` is True.
+        """Handle an event; drop keys while ``ignores_keys`` is True, and answers typed too early.
 
-        Each dropped key prolongs that time, so that a word typed blindly is dropped as a whole.
-        STOP never comes here: the application handles it first. A dialog closed before it was drawn
-        is not mounted.
+        Each dropped key prolongs that time, so that a word typed blindly is dropped as a whole. An
+        answer is too early where it was typed before the question was drawn. STOP never comes here:
+        the application handles it first. A dialog closed before it was drawn is not mounted.
         """
         if isinstance(event, Mount) and self not in self.app.screen_stack:
             return
-        if isinstance(event, Key) and event.key != "escape" and self.ignores_keys:
-            self._dropped_s = time.monotonic()
-            event.stop()
-            event.prevent_default()
-            return
+        if isinstance(event, Key) and event.key != "escape":
+            is_early = self._is_answer(event.key) and event.time < self._opened_s
+            if self.ignores_keys or is_early:
+                self._dropped_s = time.monotonic()
+                event.stop()
+                event.prevent_default()
+                return
         await super().on_event(event)
 
     def on_mount(self) -> None:
-        """Note the time of the first paint: from then on the dialog can be read."""
+        """Note the time of the first paint."""
+        self.note_question()
+
+    def note_question(self) -> None:
+        """Note the time at which what has just been written is painted: it can be read then."""
+        self._opened_s = math.inf
         self.call_after_refresh(self._note_opened)
 
     def _note_opened(self) -> None:
         self._opened_s = time.monotonic()
+
+    def _is_answer(self, key: str) -> bool:
+        return self.ANSWERS is None or key in self.ANSWERS
 
     @property
     def ignores_keys(self) -> bool:
@@ -232,6 +245,8 @@ class ArmDialog(Dialog[tuple[str, ...] | None]):
 class ConfirmDialog(Dialog[bool | None]):
     """Dialog with a question to confirm. Result: True if confirmed, else False or None."""
 
+    ANSWERS = None
+
     def __init__(
         self, title: str, text: str, *, yes: str, letter: str, is_yes: bool = False
     ) -> None:
@@ -273,6 +288,8 @@ class ConfirmDialog(Dialog[bool | None]):
 
 class LeaveDialog(Dialog[LeaveChoice | None]):
     """Dialog that asks an operator who leaves whether to keep the engine running."""
+
+    ANSWERS = None
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("l", "choose('leave')", "Leave it running"),

@@ -7,7 +7,7 @@ last.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 FULL = (80, 24)
@@ -45,6 +45,7 @@ Name = Literal[
     "orbit",
     "facts",
     "sky",
+    "strip",
     "log",
     "timeline",
     "keys",
@@ -107,6 +108,14 @@ def pane_boxes(
     else:
         _bare(boxes, Box(x=0, y=y0, width=width, height=max(0, y1 - y0)), facts_rows)
     return boxes
+
+
+def make_room_for_strip(boxes: dict[Name, Box]) -> None:
+    """Give the log's first row to the strip of tracks, where the log keeps ``MIN_LOG_ROWS``."""
+    log = boxes.get("log")
+    if log is not None and log.height > MIN_LOG_ROWS:
+        boxes["strip"] = replace(log, height=1)
+        boxes["log"] = replace(log, y=log.y + 1, height=log.height - 1)
 
 
 def banner_box(width: int, height: int, *, alert_rows: int = 0) -> Box:

@@ -178,6 +178,16 @@ class ControlCharacterFilter(LineFilter):
 
 NIGHT = "night"
 
+
+def _track_colours(*colours: str) -> dict[str, str]:
+    return {f"track-{n}": colour for n, colour in enumerate(colours)}
+
+
+TRACK_COLOURS = _track_colours("#9a7000", "#1f78b8", "#2a8a3a", "#a44fb4", "#b85f1a", "#6464c8")
+"""Colours of the tracks' numbers as variables, for a theme that may be light."""
+_BRIGHT = _track_colours("#ffd75f", "#5fd7ff", "#87ff87", "#ff87ff", "#ffaf5f", "#afafff")
+"""The same for a dark theme, and over a picture in any theme but night."""
+
 THEMES = (
     Theme(
         name="dark",
@@ -191,6 +201,7 @@ THEMES = (
         surface="#1a1a20",
         panel="#24242c",
         dark=True,
+        variables=_BRIGHT,
     ),
     Theme(
         name="light",
@@ -223,6 +234,7 @@ THEMES = (
             "text-warning": "#c83c28",
             "text-error": "#e04830",
             "text": "#b03020",
+            **_track_colours("#e86850", "#b03020", "#d84028", "#982414", "#c83c28", "#802010"),
         },
     ),
 )
@@ -250,3 +262,10 @@ ConsoleApp.-theme-night FramePane > .frame--star { color: #a02818; }
 ConsoleApp.-theme-night FramePane > .frame--cursor { color: #e04830; }
 """
 """Colours of the picture's marks in the night theme; they are bright in other themes."""
+
+TRACK_CSS = "\n".join(
+    f"FramePane > .frame--track_{n} {{ color: {bright}; text-style: bold; }}\n"
+    f"ConsoleApp.-theme-night FramePane > .frame--track_{n} {{ color: $track-{n}; }}"
+    for n, bright in enumerate(_BRIGHT.values())
+)
+"""Colours of the tracks' numbers in a picture."""

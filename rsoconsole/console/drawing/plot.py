@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Literal, TypeVar, get_args
 
-Ink = Literal["", "dim", "good", "warn", "alarm", "title", "here"]
+TrackInk = Literal["track_0", "track_1", "track_2", "track_3", "track_4", "track_5"]
+Ink = Literal["", "dim", "good", "warn", "alarm", "title", "here", TrackInk]
 Line = list[tuple[str, Ink]]
 Key = TypeVar("Key")
 

@@ -7,7 +7,9 @@ as there is room, outwards from the middle of all streaks.
 import math
 from collections.abc import Collection, Mapping, Sequence
 from statistics import fmean
-from typing import NamedTuple
+from typing import NamedTuple, get_args
+
+from rsoconsole.console.drawing.plot import TrackInk
 
 Cell = tuple[int, int]
 """(column, row)."""
@@ -19,6 +21,12 @@ OUTWARDS = 0.4
 """Cell widths by which a place outwards from the middle of all streaks counts as nearer."""
 _LEFT_OUT = 1.5
 """Cost of a place over another sign, in units of the reach: used where no other is free."""
+_INKS: tuple[TrackInk, ...] = get_args(TrackInk)
+
+
+def track_ink(track_id: int) -> TrackInk:
+    """Return the ink of a track's number, wherever it is written."""
+    return _INKS[track_id % len(_INKS)]
 
 
 class NumberedTrack(NamedTuple):

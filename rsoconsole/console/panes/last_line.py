@@ -161,12 +161,14 @@ def live_keys(
     mode: Mode = "live",
     keymap: Mapping[str, str] | None = None,
     is_in_cloud: bool = False,
+    has_several: bool = False,
 ) -> list[Key]:
     """Return the keys of the live screen in order, by who has the mount and what the mode is.
 
     ``can_act``: whether this console may send commands.
     ``keymap``: other keys for commands, by the command's name.
     ``is_in_cloud``: True where cloud is the cause of the lead's last miss.
+    ``has_several``: two or more tracks are followed.
     """
     key = partial(_command_key, keymap)
     keys = [key("stop_by_letter", "STOP", is_important=True)]
@@ -191,6 +193,7 @@ def live_keys(
         keys += [key(command, name) for command, name in named.items()]
     return [
         *keys,
+        *([key("track_list", "Satellites", is_important=True)] if has_several else []),
         key("leave", "Leave", is_important=True),
         key("log", "Log"),
         key("zoom", "Zoom"),
@@ -201,13 +204,20 @@ def live_keys(
 
 
 def review_keys(
-    *, is_playing: bool, has_live: bool, has_mark: bool, mode: Mode, keymap: Mapping[str, str]
+    *,
+    is_playing: bool,
+    has_live: bool,
+    has_mark: bool,
+    mode: Mode,
+    keymap: Mapping[str, str],
+    has_several: bool = False,
 ) -> list[Key]:
     """Return the keys of a review in order.
 
     ``has_live``: a live screen lies behind the review.
     ``has_mark``: moment A is kept, to compare with.
     ``keymap``: other keys for commands, by the command's name.
+    ``has_several``: two or more tracks are followed.
     """
     key = partial(_command_key, keymap)
 
@@ -228,6 +238,7 @@ def review_keys(
         keys("slower", "faster", "Speed"),
         key("compare", "Compare" if has_mark else "Keep A"),
         *([key("blink", "Blink")] if has_mark else []),
+        *([key("track_list", "Satellites", is_important=True)] if has_several else []),
         key("leave", "Live" if has_live else "Leave", is_important=True),
         key("sessions", "Sessions"),
         key("log", "Log"),

@@ -1,6 +1,7 @@
 """Widgets of the screens: they show lines and pictures made elsewhere."""
 
 from collections.abc import Callable
+from typing import get_args
 
 from textual.content import Content
 from textual.events import Blur, MouseDown, MouseEvent, MouseMove, MouseUp, Resize
@@ -8,7 +9,7 @@ from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.drawing.plot import Line, TrackInk
 from rsoconsole.console.timeline.lines import strip_columns
 from rsoconsole.console.timeline.timeline import EXAMPLES
 from rsoconsole.console.words.words import wrap_to_rows
@@ -24,6 +25,7 @@ INKS = {
     "alarm": "bold $text-error",
     "title": "bold",
     "here": "bold reverse",
+    **{ink: f"bold ${ink.replace('_', '-')}" for ink in get_args(TrackInk)},
 }
 
 

@@ -105,12 +105,14 @@ def paint_picture(
     light = np.clip(scaled, 0.0, 1.0)[..., None] * 255.0 * np.array(weights)
     canvas = np.ascontiguousarray(light.astype(np.uint8))
     for mark in marks:
-        _draw(canvas, mark, window, colours.get(mark.kind, (255, 255, 255)))
+        _draw(canvas, mark, window, colours)
     return Image.fromarray(canvas)
 
 
-def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> None:
+def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colours: Mapping[str, Colour]) -> None:
     import cv2
+
+    colour = colours.get(mark.kind, (255, 255, 255))
 
     def at(x_px: float, y_px: float) -> tuple[int, int]:
         height, width = canvas.shape[:2]
@@ -140,5 +142,5 @@ def _draw(canvas: RedGreenBlue, mark: Mark, window: Window, colour: Colour) -> N
         cv2.rectangle(canvas, left_top, right_bottom, colour, 1)
         label_at = (right_bottom[0] + FONT_ROOM_PX, right_bottom[1])
     if mark.label:
-        font = cv2.FONT_HERSHEY_SIMPLEX
-        cv2.putText(canvas, mark.label, label_at, font, FONT_SCALE, colour, 1, cv2.LINE_AA)
+        font, ink = cv2.FONT_HERSHEY_SIMPLEX, colours.get(mark.number_kind or "", colour)
+        cv2.putText(canvas, mark.label, label_at, font, FONT_SCALE, ink, 1, cv2.LINE_AA)

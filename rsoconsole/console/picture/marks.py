@@ -4,10 +4,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
+from rsoconsole.console.drawing.plot import TrackInk
 from rsoconsole.console.drawing.track_marks import (
     CELL_HEIGHT,
     NumberedTrack,
     place_track_numbers,
+    track_ink,
 )
 from rsoconsole.night import FrameTrack, NightFrame, is_measurement_of, uncertainty_ellipse_px
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
@@ -31,10 +33,12 @@ MarkKind = Literal[
     "now_rejected",
     "now",
     "cursor",
+    TrackInk,
 ]
 """Kind of a mark, in the order in which they are written: the last one stays. ``member``: of
 another track than the lead; ``coasted``: of a track that is not in this frame; ``now``,
-``now_rejected``: of a frame processed again; ``box``: the network's; ``star``: of a chart."""
+``now_rejected``: of a frame processed again; ``box``: the network's; ``star``: of a chart;
+``TrackInk``: of a track's number."""
 _ORDER: tuple[MarkKind, ...] = get_args(MarkKind)
 
 _BRACKETS: dict[MarkKind, tuple[str, str]] = {
@@ -76,8 +80,13 @@ class Mark:
     """True where it surrounds another mark of the same streak; its label is then a row below."""
     gap: int = 0
     """Cells between the mark's sign and its label."""
-    is_numbered: bool = False
-    """True where the label is a track's number, which is placed wherever there is room."""
+    number_kind: TrackInk | None = None
+    """Ink of the label where that is a track's number, which is placed wherever there is room."""
+
+    @property
+    def is_numbered(self) -> bool:
+        """True where the label is a track's number."""
+        return self.number_kind is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +156,8 @@ def _numbered(
     for measured, track in members:
         if is_measurement_of(detection, measured):
             kind: MarkKind = "followed" if track.is_lead else "member"
-            return replace(mark, kind=kind, label=track.number_text, is_numbered=True)
+            ink = track_ink(track.track_id)
+            return replace(mark, kind=kind, label=track.number_text, number_kind=ink)
     return mark
 
 
@@ -155,7 +165,8 @@ def _coasted_mark(detail: NightFrame, track: FrameTrack) -> Mark | None:
     """Return the mark of a coasted track's predicted place; None where the frame is not solved."""
     mark = None if track.predicted is None else _mark_at(track.predicted, detail, "coasted")
     label = f"{COASTED}{track.number_text}"
-    return None if mark is None else replace(mark, label=label, is_numbered=True)
+    ink = track_ink(track.track_id)
+    return None if mark is None else replace(mark, label=label, number_kind=ink)
 
 
 def streak_mark(detection: Detection, kind: MarkKind, followed: Measurement | None = None) -> Mark:
@@ -223,7 +234,9 @@ def _number_of(mark: Mark, window: Window) -> NumberedTrack:
     left = right = window.cell(mark.x_px, mark.y_px)
     if mark.ends_px is not None:
         left, right = (window.cell(*end) for end in mark.ends_px)
-    return NumberedTrack(text=mark.label, left=left, right=right, kind=mark.kind)
+    return NumberedTrack(
+        text=mark.label, left=left, right=right, kind=mark.number_kind or mark.kind
+    )
 
 
 def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:

@@ -15,6 +15,7 @@ from rsoconsole.console.drawing.pane_layout import (
     Name,
     banner_box,
     has_tuning_column,
+    make_room_for_strip,
     orbit_box,
     pane_boxes,
     timeline_rows,
@@ -23,6 +24,7 @@ from rsoconsole.console.drawing.pane_layout import (
 from rsoconsole.console.panes.last_line import Key, clicked_action, key_line, notice_rows
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.console.words import words
+from rsoconsole.console.words.track_lines import track_strip_line
 
 DEFAULT_ASPECT = 4 / 3
 
@@ -59,6 +61,7 @@ class PanePlacement(TrackActions):
     PANES: ClassVar[tuple[Name, ...]]
     tune: TuneActions
     _placed_alert_rows = 0
+    _has_strip = False
     _drawn_keys: tuple[list[Key], str] = ([], "")
 
     def place_panes(self) -> None:
@@ -75,6 +78,9 @@ class PanePlacement(TrackActions):
             timeline_rows=over_keys,
             aspect=aspect,
         )
+        self._has_strip = len(self.night.tracks) > 1
+        if self._has_strip and not self.is_log_open:
+            make_room_for_strip(boxes)
         for name in self.PANES:
             _put(self.query_one(f"#{name}"), boxes.get(name))
         over_plots, tune_place = (
@@ -118,6 +124,17 @@ class PanePlacement(TrackActions):
         if self._alert_rows() != self._placed_alert_rows:
             self.place_panes()
             self.call_after_refresh(self.handle_view_change)
+
+    # -- the tracks ---------------------------------------------------------------------------
+
+    def show_plots(self) -> None:
+        """Draw the plots, and the strip of tracks where several are followed."""
+        super().show_plots()
+        night, chosen = self.night, self.chosen_track_id
+        key = first_key("track_list", self.keymap)
+        self.pane("strip").show(lambda width, _: [track_strip_line(night, chosen, key, width)])
+        if self._has_strip != (len(night.tracks) > 1):
+            self.place_panes()
 
     # -- the last line --------------------------------------------------------------------------
 

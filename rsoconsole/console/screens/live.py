@@ -1,5 +1,6 @@
 """The live screen: the night's present state, and the keys that act."""
 
+import math
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -10,7 +11,7 @@ from rsoconsole.base import RsoconsoleError
 from rsoconsole.console.actions.command_outcomes import CommandOutcomes
 from rsoconsole.console.actions.mark_actions import late_mark_reason
 from rsoconsole.console.actions.nudge_actions import NudgeActions
-from rsoconsole.console.actions.second_press import TwoPressKeys, has_track
+from rsoconsole.console.actions.second_press import REPEAT_S, TwoPressKeys, has_track
 from rsoconsole.console.actions.streak_actions import StreakActions
 from rsoconsole.console.actions.telescope_actions import TelescopeActions
 from rsoconsole.console.actions.track_actions import LiveTrackActions
@@ -49,6 +50,8 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
 
     BINDINGS: ClassVar[list[BindingType]] = [*bindings("live")]
     _key_before = ""
+    _key_before_s = -math.inf
+    """Time at which that key was typed, monotonic seconds."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
@@ -69,7 +72,9 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
         """
         if event.key != self._key_before:
             self.twice.press.forget()
-        self._key_before = event.key
+        elif event.time - self._key_before_s < REPEAT_S:
+            self.twice.press.note_repeat(self.now_s())
+        self._key_before, self._key_before_s = event.key, event.time
         if self.handle_mark_key(event.key):
             event.stop()
             event.prevent_default()
@@ -183,6 +188,7 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
             mode=self.mode,
             keymap=self.keymap,
             is_in_cloud=self.night.is_in_cloud,
+            has_several=len(self.night.tracks) > 1,
         )
 
     @property

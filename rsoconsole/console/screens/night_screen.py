@@ -75,7 +75,7 @@ class NightScreen(PanePlacement, PictureActions, MessageActions, OpeningActions)
 
     PANES: ClassVar[tuple[Name, ...]] = (
         *("top", "alert", "frame", "closeup", "confidence", "east"),
-        *("north", "axis", "nis", "facts", "sky", "log", "keys"),
+        *("north", "axis", "nis", "facts", "sky", "strip", "log", "keys"),
     )
     LOG: ClassVar[type[LogPane]] = LogPane
     TUNE: ClassVar[type[TuneActions]] = TuneActions
@@ -107,7 +107,7 @@ class NightScreen(PanePlacement, PictureActions, MessageActions, OpeningActions)
         yield LinesPane(id="alert")
         yield FramePane(self.picture_words, id="frame")
         yield FramePane(self.picture_words, id="closeup")
-        for name in ("confidence", "east", "north", "axis", "nis", "facts", "sky"):
+        for name in ("confidence", "east", "north", "axis", "nis", "facts", "sky", "strip"):
             yield LinesPane(id=name)
         yield self.LOG(id="log")
         yield LinesPane(id="orbit")

@@ -262,6 +262,7 @@ class ReviewScreen(ReviewComparison):
             has_mark=self.kept is not None,
             mode=self.mode,
             keymap=self.keymap,
+            has_several=len(self.night.tracks) > 1,
         )
 
     @property

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rsoconsole.console.drawing.plot import Ink, Line
+from rsoconsole.console.drawing.track_marks import track_ink
 from rsoconsole.console.words.words import (
     Item,
     cut_to_width,
@@ -40,6 +41,8 @@ ORBIT_WORDS = {
 }
 MIN_AIM_ROWS = 2
 """Rows that must be left below the tracks for the next aim to be shown."""
+NUMBER_COLUMNS = 3
+_GAP = " · "
 _RULE_CELLS = 6
 """Cells of a title's line beside its words."""
 MIN_TRACK_ROWS = 5
@@ -118,8 +121,12 @@ def _listed(  # noqa: PLR0917 -- one call, each argument a different thing
     lines = [cut_to_width([(f" {heads}", "dim")], width)]
     for n, track in enumerate(tracks[first : first + room], first):
         text, ink = row(track)
-        sign, ink = ("▸", "here") if n == at else (" ", ink)
-        lines.append(cut_to_width([(f"{sign}{text}".ljust(width), ink)], width))
+        number, rest = (
+            text[:NUMBER_COLUMNS],
+            text[NUMBER_COLUMNS:].ljust(width - 1 - NUMBER_COLUMNS),
+        )
+        line: Line = [(" ", ""), (number, track_ink(track.track_id)), (rest, ink)]
+        lines.append(cut_to_width([(f"▸{number}{rest}", "here")] if n == at else line, width))
     lines += [[("", "")]] * max(height - len(lines) - len(detail), 0)
     return [*lines, *detail]
 
@@ -133,6 +140,33 @@ def _title(night: NightView, width: int) -> Line:
     rights = [f"{signs} · at most {most}", signs] if most else [signs]
     fitting = (right for right in rights if len(left) + len(right) + _RULE_CELLS <= width)
     return draw_rule(left, next(fitting, ""), width)
+
+
+def track_strip_line(night: NightView, chosen: int | None, key: str, width: int) -> Line:
+    """Return the strip of tracks: number and name of each, the lead and the chosen one first.
+
+    ``chosen``: id of the chosen track, which is drawn reversed; None: the lead. ``key``: opens the
+    list. Tracks without room are counted.
+    """
+    tracks = sorted(night.tracks, key=lambda each: (not each.is_lead, each.track_id != chosen))
+    names = [track_name_words(night, each.track_id) for each in tracks]
+    items = [
+        each.number_text + ("" if name == "-" else f" {name}")
+        for each, name in zip(tracks, names, strict=True)
+    ]
+
+    def more(count: int) -> str:
+        return f"{_GAP}+{len(items) - count}" if count < len(items) else ""
+
+    room, count = width - len(f"  [{key}]"), len(items)
+    while count > 1 and len(_GAP.join(items[:count]) + more(count)) > room:
+        count -= 1
+    line: Line = []
+    for each, item in zip(tracks[:count], items, strict=False):
+        ink: Ink = "here" if each.track_id == chosen else track_ink(each.track_id)
+        line += [(_GAP if line else " ", "dim"), (item, ink)]
+    line = cut_to_width(line, 1 + room - len(more(count)))
+    return cut_to_width([*line, (more(count), "dim"), (f" [{key}]", "title")], width)
 
 
 def is_chosen(track: FollowedTrack, chosen: int | None) -> bool:
@@ -234,7 +268,9 @@ def _orbit(night: NightView, track: FollowedTrack, _now: int | None) -> str:
 
 
 _COLUMNS = (
-    _Column(head="#", width=3, rank=0, words=lambda _night, track, _now: track.number_text),
+    _Column(
+        head="#", width=NUMBER_COLUMNS, rank=0, words=lambda _night, track, _now: track.number_text
+    ),
     _Column(
         head="name",
         width=0,
