@@ -23,6 +23,7 @@ from rsoconsole.console.drawing.blocks import (
     row_runs,
 )
 from rsoconsole.console.drawing.plain import to_ascii
+from rsoconsole.console.drawing.track_marks import track_ink
 from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.picture.chart import (
     CELLS_A_STAR,
@@ -116,10 +117,10 @@ def test_the_followed_streak_has_its_tracks_number():
     marks = tuple(replace(mark, kind="followed") for mark in picture.marks)
     picture = replace(picture, detail=detail, marks=marks)
     window, cells = written(picture, 51, 19)
-    text = "".join(sign for sign, kind in cells.values() if kind == "followed")
-    assert "7*" in text
+    text = "".join(sign for sign, kind in cells.values() if kind == track_ink(7))
+    assert text == "7*"
     column, row = window.cell(2000.0, 1500.0)
-    near = [at for at, each in cells.items() if each == ("7", "followed")]
+    near = [at for at, each in cells.items() if each == ("7", track_ink(7))]
     assert [max(abs(x - column), abs(y - row)) <= 8 for x, y in near] == [True]
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from rsoconsole.console.drawing.track_marks import track_ink
 from rsoconsole.console.picture.marks import Cells, Mark, Window, mark_characters
 from rsoconsole.console.picture.picture import Picture
 from rsoconsole.records import ChartStar
@@ -60,7 +61,7 @@ def chart_characters(picture: Picture, marks: tuple[Mark, ...], window: Window) 
     lead = next((track for track in picture.detail.tracks if track.is_lead), None)
     if lead is not None:
         marks = tuple(
-            replace(mark, label=lead.number_text, is_numbered=True)
+            replace(mark, label=lead.number_text, number_kind=track_ink(lead.track_id))
             if mark.kind == "followed"
             else mark
             for mark in marks
