@@ -17,7 +17,7 @@ WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
 LOW_LINES = 20
 """Rows of a terminal below which the time line has one row."""
-TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 26, 24, 16
+TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 26, 26, 18
 TUNE_COLUMNS = 36
 """Least columns of the tuning pane beside plots."""
 ORBIT_ROWS, ORBIT_COLUMNS = 8, 28
@@ -233,9 +233,11 @@ def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
 
 
 def _three_columns(boxes: dict[Name, Box], all_: Box) -> None:
-    """Lay out close-up and field, plots with the orbit, and a column for figures and log."""
-    left, chart_rows = int(all_.width * 0.42), round(all_.height * 0.43)
-    pictures: dict[Name, int] = {"closeup": all_.height - chart_rows, "frame": chart_rows}
+    """Lay out close-up, field and log, plots with the orbit, and a column for figures and sky."""
+    left = int(all_.width * 0.42)
+    log_rows, chart_rows = round(all_.height * 0.14), round(all_.height * 0.35)
+    pictures: dict[Name, int] = {"closeup": all_.height - chart_rows - log_rows}
+    pictures |= {"frame": chart_rows, "log": log_rows}
     _stacked(boxes, Box(x=0, y=all_.y, width=left, height=all_.height), pictures)
     middle = int((all_.width - left - 2) * 0.5)
     each, orbit_rows = round(all_.height * 0.21), round(all_.height * 0.25)
@@ -246,18 +248,7 @@ def _three_columns(boxes: dict[Name, Box], all_: Box) -> None:
     _stacked(boxes, Box(x=left + 1, y=all_.y, width=middle, height=all_.height), plots)
     x = left + middle + 2
     third = Box(x=x, y=all_.y, width=all_.width - x, height=all_.height)
-    y = _stacked(boxes, third, {"facts": 14, "sky": SKY_ROWS}) + OWN_TUNE_ROWS
-    _put(boxes, "log", Box(x=x, y=y, width=third.width, height=all_.y + all_.height - y))
-
-
-def _pictures(boxes: dict[Name, Box], all_: Box, rows: int, at_most: int, aspect: float) -> int:
-    """Lay out the picture and its close-up in ``rows`` rows; return the columns they take."""
-    frame_rows = min(round(rows * 0.64), math.ceil(at_most / aspect / 2) + 2)
-    columns = max(_frame_columns(frame_rows - 2, aspect, at_most), min(at_most, 58))
-    boxes["frame"] = Box(x=0, y=all_.y, width=columns, height=frame_rows)
-    below = rows - frame_rows
-    boxes["closeup"] = Box(x=0, y=all_.y + frame_rows, width=columns, height=below)
-    return columns
+    _stacked(boxes, third, {"facts": 14, "sky": SKY_ROWS})
 
 
 def _stacked(boxes: dict[Name, Box], where: Box, rows: dict[Name, int]) -> int:

@@ -165,16 +165,18 @@ def _fitted(line: Line, width: int) -> Line:
     return [*line, (" " * missing, "")] if missing > 0 else line
 
 
-def residual_plot(columns: Sequence[PlotColumn], width: int, rows: int) -> list[Line]:
+def residual_plot(
+    columns: Sequence[PlotColumn], width: int, rows: int, ink: Ink = "good"
+) -> list[Line]:
     """Plot residuals in the shaded band of their bounds, on an axis symmetric about 0.
 
     Exposures without a value show their sign at 0; a change of parameters is an upright line with
-    its words. ``width``: cells, the axis included.
+    its words. ``width``: cells, the axis included. ``ink``: of values within their bounds.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     limit = residual_axis_limit(shown)
     canvas = Canvas(width - AXIS_COLUMNS, rows, -limit, limit)
-    _draw_residuals(canvas, shown)
+    _draw_residuals(canvas, shown, ink)
     labels = {limit: _angle(limit), -limit: f"-{_angle(limit)}"}
     if rows % 2 and rows > 1:
         labels[0.0] = "0"
@@ -304,7 +306,7 @@ def sparkline(values: Sequence[float | None], high: float, width: int) -> str:
     return "".join(" " if v is None else blocks[min(max(int(v / high * 8), 0), 7)] for v in shown)
 
 
-def _draw_residuals(canvas: Canvas, shown: Sequence[PlotColumn]) -> None:
+def _draw_residuals(canvas: Canvas, shown: Sequence[PlotColumn], ink: Ink) -> None:
     placed = _placed(canvas, shown)
     for at, cells, what in placed:
         if what.bound is not None:
@@ -318,13 +320,13 @@ def _draw_residuals(canvas: Canvas, shown: Sequence[PlotColumn]) -> None:
                         canvas.put(column, value, GHOST, "title")
     _draw_changes(canvas, placed)
     for at, _, what in placed:
-        _draw_residual(canvas, at, what)
+        _draw_residual(canvas, at, what, ink)
 
 
-def _draw_residual(canvas: Canvas, at: int, what: PlotColumn) -> None:
+def _draw_residual(canvas: Canvas, at: int, what: PlotColumn, ink: Ink = "good") -> None:
     if what.value is not None:
         is_outside = what.bound is not None and abs(what.value) > what.bound
-        canvas.put_value(at, what.value, "alarm" if is_outside else "good")
+        canvas.put_value(at, what.value, "alarm" if is_outside else ink)
     elif what.mark:
         canvas.put(at, 0.0, what.mark, "warn")
 

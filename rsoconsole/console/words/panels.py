@@ -20,6 +20,7 @@ from rsoconsole.console.drawing.plot import (
     residual_strip,
     sparkline,
 )
+from rsoconsole.console.drawing.track_marks import track_ink
 from rsoconsole.console.picture.marks import SHOWN_REJECTED
 from rsoconsole.console.words.tunable import change_words
 from rsoconsole.console.words.words import cut_to_width, draw_rule
@@ -175,7 +176,8 @@ def residual_lines(
 
     Coasted frames have a sign at 0. The title is of the newest frame up to the right edge, however
     many frames a mark stands for. ``of``: the track's name where it is not the lead.
-    ``on_trial``: one sigma (east, north), arcsec, by frame with the settings on trial.
+    ``on_trial``: one sigma (east, north), arcsec, by frame with the settings on trial. Where there
+    are several tracks, the values have the track's colour.
     """
     place, name, strip_name = AXES[axis]
     rows = window.rows(night.rows, width)
@@ -195,8 +197,14 @@ def residual_lines(
     said = f"{name} residual" if width >= WIDE_TITLE else strip_name.strip()
     return [
         draw_rule(f"{_of(of)}{said} {value}", f"bounds {bound}", width),
-        *residual_plot(columns, width, height - 1),
+        *residual_plot(columns, width, height - 1, _value_ink(night)),
     ]
+
+
+def _value_ink(night: NightView) -> Ink:
+    if len(night.tracks) < 2 or night.track is None:
+        return "good"
+    return track_ink(night.track.track_id)
 
 
 def _of(of: str, gap: str = ": ") -> str:
