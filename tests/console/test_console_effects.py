@@ -120,7 +120,7 @@ EFFECTS: dict[str, tuple[list[str], Callable[[Rig], bool]]] = {
     "accept": (["y"], lambda r: decisions(r)[-1].taken.source == "operator"),
     "reject": (["j", "asked", "1"], lambda r: len(decisions(r)[-1].refused) == 1),
     "mark": (
-        ["m", "enter", *["right"] * 6, "enter", "asked", "enter"],
+        ["m", "enter", *["right"] * 6, "enter"],
         lambda r: decisions(r)[-1].taken is not None,
     ),
     "take_back": (

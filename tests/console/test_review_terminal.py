@@ -78,7 +78,7 @@ def test_night_and_day_the_sample_is_not_written_to(home: dict[str, str]):
     with Terminal([*COMMAND, str(SAMPLE), "--at", "5"], home, (120, 40)) as seat:
         wait_for(lambda: seat.shows("frame 5 of 36"), "a screen")
         seat.press("t")
-        wait_for(lambda: seat.shows("frames to here"), "the tuning pane")
+        wait_for(lambda: seat.shows(" to here"), "the tuning pane")
         seat.press("\x1b[C\r")
         time.sleep(0.5)
     assert state() == before

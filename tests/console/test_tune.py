@@ -234,7 +234,7 @@ def test_the_pane_has_a_place_in_every_terminal_and_leaves_state_keys_and_plots(
         # The plots stay beside it, a little narrower in the smallest terminal.
         assert box.x + box.width <= boxes["confidence"].x + 4
     if size[0] >= THREE_COLUMNS[0]:
-        assert box.y + box.height <= boxes["log"].y
+        assert box.y >= boxes["sky"].y + boxes["sky"].height
 
 
 def test_the_pane_says_what_is_in_force_and_what_is_tried():
@@ -290,9 +290,9 @@ def test_the_pane_says_where_and_when_the_filter_settles():
     words = TuneWords(aims_by_orbit=True, learnt="learnt: Q ×0.2")
     lines = tune_lines(tuning, figures, words=words)(36, 24)
     texts = ["".join(part for part, _ in line) for line in lines]
-    assert "  bounds 3σ      1.5 .6″   3.15 .1′" in texts
-    assert "  gain RA δ      .15 .26    .40 .61" in texts
-    assert "  after         1 frames  54 frames" in texts
+    assert "  bounds 3σ       1.5 .6″   3.15 .1′" in texts
+    assert "  gain RA δ       .15 .26    .40 .61" in texts
+    assert "  after          1 frames  54 frames" in texts
     assert " learnt: Q ×0.2" in texts
     assert any("the orbit aims" in row for row in texts)
     assert any(row.startswith("  log L ↑") and row.endswith("-0.50") for row in texts)

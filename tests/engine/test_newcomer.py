@@ -108,7 +108,7 @@ def test_a_morning_from_the_miss_to_the_what_if_of_the_same_night(house: dict[st
         shown_after(seat, "1", "plots: confidence")
         # The night's end, with another Q, before anything is saved.
         shown_after(seat, "\x1b[F", "frame 0036")
-        shown_after(seat, "t", "frames to here")
+        shown_after(seat, "t", " to here")
         shown_after(seat, DOWN * 2 + RIGHT, "→")
         wait_for(lambda: seat.shows("if tried"), "the effect", seat)
         seat.press(ESC)

@@ -131,7 +131,7 @@ class ReviewTuneActions(TuneActions):
     @property
     def words(self) -> TuneWords:
         """The pane's texts: which frames the figures cover, and the keys that it offers."""
-        frames = "all frames so far" if self._is_of_all else "{count} frames to here"
+        frames = "all so far" if self._is_of_all else "{count} to here"
         scope = first_key("tune_scope", self._seat.keymap)
         which = "the last frames" if self._is_of_all else "all frames"
         return super().words._replace(

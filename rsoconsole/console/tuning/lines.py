@@ -11,7 +11,7 @@ from rsoconsole.night import merit
 from rsoconsole.tracking import Settled
 from rsoconsole.words import short_figure
 
-LABEL_COLUMNS, VALUE_COLUMNS = 13, 11
+LABEL_COLUMNS, VALUE_COLUMNS = 14, 11
 MIN_SETTINGS = 5
 """Least settings in view beside the figures."""
 ALIKE_LOG_L = 2.0
@@ -29,7 +29,7 @@ class TuneWords(NamedTuple):
     """True where the orbit aims the telescope: Q then moves the bounds alone."""
     learnt: str = ""
     """What the filter has learnt of the night's noise."""
-    keys: str = "0-9 enter u undo l learn p propose"
+    keys: str = "0-9 u undo l learn p propose"
 
 
 def tune_lines(
@@ -106,15 +106,13 @@ def _settled(figures: TuneFigures, tuning: Tuning, words: TuneWords) -> list[Lin
     """Return bounds and gain to which the filter settles, by the settings in force and tried."""
     if figures.settled is None:
         return []
-    head: Line = [(f" {'settles at':<{LABEL_COLUMNS - 1}}", "dim")]
-    head += [(f"{each:>{VALUE_COLUMNS}}", "dim") for each in ("in force", "if tried")]
     rows: list[tuple[str, Callable[[Settled], str]]] = [
         ("bounds 3σ", lambda each: _pair(*each.sigma_innovation_arcsec)),
         ("predicted", lambda each: _pair(*each.sigma_predicted_arcsec)),
         ("gain RA δ", lambda each: f"{short_figure(each.gain[0])} {short_figure(each.gain[1])}"),
         ("after", lambda each: f"{each.updates} frames"),
     ]
-    lines = [head]
+    lines = [_head("settles at", "in force")]
     for label, text in rows:
         line: Line = [(f"  {label:<{LABEL_COLUMNS - 2}}", "")]
         for each, is_coming in ((figures.settled, True), (figures.settled_then, tuning.changes)):
@@ -126,6 +124,14 @@ def _settled(figures: TuneFigures, tuning: Tuning, words: TuneWords) -> list[Lin
     if words.aims_by_orbit:
         lines.append([(" the orbit aims, not Q: bounds alone", "dim")])
     return lines
+
+
+def _head(label: str, column: str) -> Line:
+    """Return the head of two columns of figures, the second of them if tried."""
+    room = LABEL_COLUMNS + VALUE_COLUMNS - len(column)
+    return [
+        (f" {label}"[: room - 1].ljust(room) + column + f"{'if tried':>{VALUE_COLUMNS}}", "dim")
+    ]
 
 
 def _pair(east_arcsec: float, north_arcsec: float) -> str:
@@ -140,9 +146,7 @@ def _pair(east_arcsec: float, north_arcsec: float) -> str:
 
 def _figures(figures: TuneFigures, frames: str, *, has_changes: bool) -> list[Line]:
     count = LAST_FRAMES if figures.now is None else figures.now.frames
-    head: Line = [(f" {frames.format(count=count):<{LABEL_COLUMNS - 1}}", "dim")]
-    head += [(f"{each:>{VALUE_COLUMNS}}", "dim") for each in ("as it was", "if tried")]
-    lines: list[Line] = [head]
+    lines = [_head(frames.format(count=count), "as it was")]
     inks: dict[bool | None, Ink] = {True: "good", False: "warn", None: ""}
     for each in merit.TUNED:
         line: Line = [(f"  {each.label:<{LABEL_COLUMNS - 2}}", "")]
