@@ -10,6 +10,8 @@ from .file import effective_settings as effective_settings
 from .file import toml_value as toml_value
 from .file import write_initial_config as write_initial_config
 from .file import write_settings as write_settings
+from .night import FACTORS as FACTORS
+from .night import LEARNINGS as LEARNINGS
 from .night import PRESETS as PRESETS
 from .night import AimConfig as AimConfig
 from .night import CatalogueConfig as CatalogueConfig

@@ -61,6 +61,10 @@ Preset: TypeAlias = Literal["adaptive", "tuned", "paper"]
 """Presets of the filter."""
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 
+Learning: TypeAlias = Literal["auto", "on", "off"]
+LEARNINGS: tuple[Learning, ...] = get_args(Learning)
+"""Whether the filter goes on learning the noise of the night."""
+
 
 class FilterConfig(Section):
     """The filter that estimates a track's motion (linear quadratic estimator)."""
@@ -80,6 +84,11 @@ class FilterConfig(Section):
     r_multiplier: float = Field(1.0, gt=0, le=1e6, description="of all of R")
     r_ra_multiplier: float = Field(1.0, gt=0, le=1e6, description="of R's term of RA alone")
     r_dec_multiplier: float = Field(1.0, gt=0, le=1e6)
+    learning: Learning = Field(
+        "auto",
+        description="whether presets adaptive and tuned go on learning the noise of the night;"
+        " auto: while every factor of Q and R is 1",
+    )
     gate_nis: float = Field(11.83, gt=0, le=1e9)
     most_tracks: int = Field(
         12,
@@ -103,6 +112,20 @@ class FilterConfig(Section):
     def uses_filter_bank(self) -> bool:
         """True where the preset runs a bank of filters; else it runs one filter."""
         return self.preset == "adaptive"
+
+    @property
+    def has_factors(self) -> bool:
+        """True where a factor of Q or R is not 1."""
+        return any(getattr(self, name) != 1.0 for name in FACTORS)
+
+    @property
+    def is_noise_held(self) -> bool:
+        """True where what the preset has learnt of the noise stays as it is."""
+        return self.learning == "off" or (self.learning == "auto" and self.has_factors)
+
+
+FACTORS = tuple(name for name in FilterConfig.model_fields if name.endswith("_multiplier"))
+"""Names of the operator's factors of Q and R."""
 
 
 class TargetConfig(Section):

@@ -3,6 +3,7 @@ from .figures import FigureAccumulator as FigureAccumulator
 from .figures import LeadSummary as LeadSummary
 from .figures import StateSpan as StateSpan
 from .figures import TrackFigures as TrackFigures
+from .figures import lead_figures as lead_figures
 from .figures import lead_summary as lead_summary
 from .figures import recorded_figures as recorded_figures
 from .figures import state_spans as state_spans
@@ -33,6 +34,7 @@ from .quality import FilterUpdate as FilterUpdate
 from .quality import consistency_of as consistency_of
 from .quality import filter_quality as filter_quality
 from .quality import rms as rms
+from .quality import since_last_change as since_last_change
 from .table_rows import Logged as Logged
 from .table_rows import Row as Row
 from .table_rows import public_table_rows as public_table_rows

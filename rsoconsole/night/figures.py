@@ -1,12 +1,15 @@
 """Figures of merit of a night, as recorded or with other settings."""
 
+import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from statistics import fmean
+from statistics import fmean, median
 from typing import Any, NamedTuple
 
-from rsoconsole.night.frame import NightFrame, was_pointed_at_lead
+from rsoconsole.config import Config, with_setting
+from rsoconsole.night.frame import NightFrame, predicted_sigma_arcsec, was_pointed_at_lead
 from rsoconsole.night.frames import NEWEST, NightFrames
 from rsoconsole.night.quality import FilterQuality, FilterUpdate, filter_quality, updates_of
 from rsoconsole.records import (
@@ -19,9 +22,11 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
-from rsoconsole.tracking import three_sigma_deg
+from rsoconsole.tracking import TrackUpdate, three_sigma_deg
 
-CURVE_FRAMES = 40
+SIGMA_FRAMES, CADENCE_FRAMES = 120, 12
+USUAL_OF = 5
+"""Number of the newest updates of which the one with the median sigma is the usual one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +49,8 @@ class TrackFigures(FilterQuality):
     carried_by_orbit: int = 0
     """Number of updates with a prediction from the orbit, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
-    nis_curve: tuple[float | None, ...] = ()
-    """NIS of the lead in each of the last ``CURVE_FRAMES`` frames; None where not measured."""
+    lead_sigmas_arcsec: tuple[tuple[int, float, float], ...] = ()
+    """Frame, and one sigma (east, north) of the lead's innovation or prediction: the last frames"""
 
 
 class _Frame(NamedTuple):
@@ -61,7 +66,7 @@ class _Frame(NamedTuple):
     misses: int
     losses: int
     widest_3sigma_deg: float | None
-    nis_of_lead: float | None
+    lead_sigma_arcsec: tuple[float, float] | None
 
 
 class FigureAccumulator:
@@ -102,7 +107,7 @@ class FigureAccumulator:
             misses=sum(isinstance(record, Miss) for record in records),
             losses=sum(isinstance(r, StateChange) and r.after == "LOST" for r in records),
             widest_3sigma_deg=max(sigmas_deg, default=None),
-            nis_of_lead=next((r.nis for r in leads if r.nis is not None), None),
+            lead_sigma_arcsec=_newest_sigma_arcsec(leads),
         )
 
     def add_recorded(self, frame: NightFrame) -> None:
@@ -131,7 +136,11 @@ class FigureAccumulator:
             carried_by_orbit=sum(each.by_orbit for each in chosen),
             state=every[-1].state if every else "",
             states=dict(Counter(each.state for each in chosen)),
-            nis_curve=tuple(each.nis_of_lead for each in chosen[-CURVE_FRAMES:]),
+            lead_sigmas_arcsec=tuple(
+                (each.frame_id, *each.lead_sigma_arcsec)
+                for each in chosen[-SIGMA_FRAMES:]
+                if each.lead_sigma_arcsec is not None
+            ),
         )
 
 
@@ -143,11 +152,66 @@ def recorded_figures(
     ``of_lead``: True: of the lead track alone, without frames that missed it because the telescope
     pointed elsewhere; False: of all tracks.
     """
+    return _folded(records, of_lead=of_lead)[0].figures(last)
+
+
+class LeadUpdate(NamedTuple):
+    """A usual one of the lead's newest updates, and the seconds from one frame to the next."""
+
+    update: TrackUpdate
+    cadence_s: float
+
+
+def lead_figures(
+    records: Iterable[Record], config: Config, last: int | None = None
+) -> tuple[TrackFigures, LeadUpdate | None]:
+    """Return the lead's figures as ``recorded_figures``, and its newest update if there is one.
+
+    ``config``: of the session's beginning.
+    """
+    found, frames = _folded(records, of_lead=True)
+    return found.figures(last), _lead_update(frames, config)
+
+
+def _folded(
+    records: Iterable[Record], *, of_lead: bool
+) -> tuple[FigureAccumulator, Sequence[NightFrame]]:
     found = FigureAccumulator(of_lead=of_lead)
     frames = NightFrames(newest=NEWEST, on_past=found.add_recorded).fold_all(records)
-    for each in frames.kept_frames():
+    kept = tuple(frames.kept_frames())
+    for each in kept:
         found.add_recorded(each)
-    return found.figures(last)
+    return found, kept
+
+
+def _lead_update(frames: Sequence[NightFrame], config: Config) -> LeadUpdate | None:
+    followed = [f for f in frames if f.predicted is not None and f.has_time][-CADENCE_FRAMES:]
+    times = [f.t_mid_utc_ns for f in followed]
+    steps_s = [(b - a) / 1e9 for a, b in itertools.pairwise(times) if b > a]
+    updates: list[tuple[float, int, TrackUpdate]] = []
+    for frame in followed if steps_s else ():
+        measured, predicted, updated = frame.lead_measured, frame.predicted, frame.updated
+        if not (measured and predicted and updated and updated.sigma_innovation_arcsec):
+            continue
+        settings = config
+        for name, value in frame.settings.items():
+            settings = with_setting(settings, name, value)
+        update = TrackUpdate(
+            predicted=predicted, updated=updated, measurement=measured, settings=settings.filter
+        )
+        updates.append((math.hypot(*updated.sigma_innovation_arcsec), len(updates), update))
+    newest = sorted(updates[-USUAL_OF:])
+    return LeadUpdate(newest[len(newest) // 2][-1], median(steps_s)) if newest else None
+
+
+def _newest_sigma_arcsec(leads: Sequence[TrackState]) -> tuple[float, float] | None:
+    """Return one sigma of the lead's innovation, else of its prediction; None without either."""
+    for state in reversed(leads):
+        if state.kind == "updated" and state.sigma_innovation_arcsec is not None:
+            return state.sigma_innovation_arcsec
+        if state.kind == "predicted":
+            return predicted_sigma_arcsec(state)
+    return None
 
 
 def _of_lead(records: Sequence[Record]) -> list[Record]:

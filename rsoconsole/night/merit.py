@@ -20,7 +20,7 @@ BAND = MeritFigure(
     "its band", lambda f: "{:.2f} to {:.2f}".format(*f.nis_band) if f.nis_band else "-"
 )
 INSIDE = MeritFigure("3σ holds", lambda f: number(f.inside_3sigma, ".0%"))
-LOG_L = MeritFigure("log L ↑ is better", lambda f: number(f.log_likelihood_mean, "+.2f"))
+LOG_L = MeritFigure("log L ↑", lambda f: number(f.log_likelihood_mean, "+.2f"))
 LOCK = MeritFigure(
     "lock",
     lambda f: "never" if f.locked_after_frames is None else f"after {f.locked_after_frames} frames",

@@ -1,10 +1,10 @@
 """Figures of merit of filter updates: innovations, NIS and likelihood. Pure."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 from rsoconsole.night.frame import NightFrame
 from rsoconsole.records import TrackState
@@ -98,8 +98,38 @@ def rms(values: Sequence[float]) -> float | None:
     return math.sqrt(fmean(value**2 for value in values)) if values else None
 
 
-def consistency_of(frames: Iterable[NightFrame]) -> Consistency:
-    """Judge the consistency of the filter by the lead track's newest updates."""
-    updates = [each for each in updates_of(f.updated for f in frames) if each.nis is not None]
+class HasSettings(Protocol):
+    """A frame, or its row in the plots, with the settings that were in force."""
+
+    @property
+    def settings(self) -> Mapping[str, float | int | str]:
+        """Settings changed from the session's beginning to the frame, by name."""
+
+
+_FrameT = TypeVar("_FrameT", bound=HasSettings)
+
+
+def since_last_change(frames: Sequence[_FrameT]) -> Sequence[_FrameT]:
+    """Return the newest frames: those with the filter settings of the newest."""
+
+    def of_filter(frame: _FrameT) -> dict[str, float | int | str]:
+        return {n: v for n, v in frame.settings.items() if n.startswith("filter.")}
+
+    first = len(frames)
+    for frame in reversed(frames):
+        # Settings are one object until one of them is changed.
+        is_alike = frame.settings is frames[-1].settings or of_filter(frame) == of_filter(
+            frames[-1]
+        )
+        if not is_alike:
+            break
+        first -= 1
+    return frames[first:]
+
+
+def consistency_of(frames: Sequence[NightFrame]) -> Consistency:
+    """Judge the consistency of the filter by the lead's updates since its settings changed."""
+    states = (frame.updated for frame in since_last_change(frames))
+    updates = [each for each in updates_of(states) if each.nis is not None]
     nis = [each.nis for each in updates if each.nis is not None]
     return consistency(nis, [each.residual_arcsec for each in updates])

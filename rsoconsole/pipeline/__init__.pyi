@@ -145,9 +145,6 @@ from .replays.reprocess import read_recorded_frame as read_recorded_frame
 from .replays.what_if_log import WhatIf as WhatIf
 from .replays.what_if_log import what_if as what_if
 from .replays.what_if_log import what_if_session as what_if_session
-from .replays.what_if_process import SessionLogCache as SessionLogCache
-from .replays.what_if_process import WhatIfProcess as WhatIfProcess
-from .replays.what_if_process import WhatIfQuestion as WhatIfQuestion
 from .single.solving import MAX_MASKED as MAX_MASKED
 from .single.solving import FrameDetector as FrameDetector
 from .single.solving import FrameSolver as FrameSolver
@@ -164,6 +161,9 @@ from .sources.update import SourceUpdater as SourceUpdater
 from .tuning.proposal import propose as propose
 from .tuning.propose_inquiry import FilterConsistency as FilterConsistency
 from .tuning.propose_inquiry import Proposal as Proposal
+from .tuning.what_if_process import SessionLogCache as SessionLogCache
+from .tuning.what_if_process import WhatIfProcess as WhatIfProcess
+from .tuning.what_if_process import WhatIfQuestion as WhatIfQuestion
 from .visibility.hours_ahead import SkyOutlook as SkyOutlook
 from .visibility.hours_ahead import sky_outlook as sky_outlook
 from .visibility.passes import NightPass as NightPass

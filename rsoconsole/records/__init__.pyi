@@ -11,6 +11,7 @@ from .field import PairMotions as PairMotions
 from .field import PathKind as PathKind
 from .field import UnseenMember as UnseenMember
 from .frames import CameraMode as CameraMode
+from .frames import ChartStar as ChartStar
 from .frames import Closeup as Closeup
 from .frames import Detection as Detection
 from .frames import Detections as Detections

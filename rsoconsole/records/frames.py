@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -177,6 +177,15 @@ class Detections:
     zero_point_mag: float | None = None
     """Magnitude that gives 1 ADU a second; None: no plate solution, or too few catalogued stars."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+class ChartStar(NamedTuple):
+    """One of a frame's brightest stars, for a chart of its field."""
+
+    x_px: float
+    y_px: float
+    flux_adu: float
+    """Light above the sky, ADU; too small for a saturated star."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
 from .files.digest import Finding as Finding
 from .files.digest import Verification as Verification
 from .files.frame_encoding import compress_frame as compress_frame
+from .files.frame_encoding import decode_preview_stars as decode_preview_stars
 from .files.session_files import last_write_utc_ns as last_write_utc_ns
 from .files.session_files import paths_in as paths_in
 from .files.session_files import replace_folder as replace_folder

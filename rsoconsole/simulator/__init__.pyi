@@ -26,6 +26,7 @@ from .nights.night_plan import satellite_from_entry as satellite_from_entry
 from .nights.scenarios import DAYTONA_BEACH as DAYTONA_BEACH
 from .nights.scenarios import DEFAULT_SCENARIO as DEFAULT_SCENARIO
 from .nights.scenarios import NIGHT_FRAMES as NIGHT_FRAMES
+from .nights.scenarios import Scenario as Scenario
 from .nights.scenarios import all_scenarios as all_scenarios
 from .nights.scenarios import elements_path as elements_path
 from .nights.scenarios import scenario_named as scenario_named

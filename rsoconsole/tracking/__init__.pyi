@@ -27,7 +27,6 @@ from .filters.agreement import Motion as Motion
 from .filters.agreement import motion_in_exposure as motion_in_exposure
 from .filters.estimator import predict as predict
 from .filters.innovations import NIS_BAND as NIS_BAND
-from .filters.innovations import WINDOW as WINDOW
 from .filters.innovations import Consistency as Consistency
 from .filters.innovations import consistency as consistency
 from .filters.innovations import lag_one_correlation as lag_one_correlation
@@ -35,6 +34,9 @@ from .filters.innovations import mean_nis_band as mean_nis_band
 from .filters.lqe import direction_icrs_deg as direction_icrs_deg
 from .filters.lqe import sky_covariance_arcsec2 as sky_covariance_arcsec2
 from .filters.lqe import sky_rate_arcsec_s as sky_rate_arcsec_s
+from .filters.settled import Settled as Settled
+from .filters.settled import TrackUpdate as TrackUpdate
+from .filters.settled import settle as settle
 from .filters.sky_path import TangentPlane as TangentPlane
 from .filters.streak_length import append_length_excess as append_length_excess
 from .filters.streak_length import widened_for_short_streak as widened_for_short_streak

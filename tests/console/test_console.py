@@ -25,9 +25,10 @@ from rsoconsole.console.dialogs.dialogs import LeaveDialog, Tick
 from rsoconsole.console.drawing.pane_layout import banner_box, pane_boxes
 from rsoconsole.console.drawing.plot import PlotColumn, residual_axis_limit, residual_plot
 from rsoconsole.console.night.engine_view import read_engine_view
+from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.panes.last_line import key_line, live_keys
 from rsoconsole.console.panes.log_pane import LogPane, log_rows
-from rsoconsole.console.panes.panes import FramePane, StopBanner
+from rsoconsole.console.panes.panes import StopBanner
 from rsoconsole.console.watches import watch
 from rsoconsole.console.watches.messages import StopNewsCame
 from rsoconsole.console.words.facts import figure_lines
@@ -139,12 +140,20 @@ def test_where_the_field_shows_no_streak_the_close_up_has_its_place(wire: FakeWi
     play(wire, scene)
 
 
-def test_with_room_for_both_the_field_has_the_large_pane(wire: FakeWire):
-    async def scene(app: ConsoleApp, _pilot: Pilot[str]) -> None:
-        assert "─ frame 0020" in screen_text(app)
-        assert "─ close-up 0020" in screen_text(app)
+@pytest.mark.parametrize("size", [(120, 40), (200, 60)])
+def test_with_room_for_both_the_close_up_is_the_main_picture(wire: FakeWire, size):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        main, beside = app.live.picture_panes()
+        assert main.id == "closeup"
+        assert re.match("─ frame 0020 · .* close-up", main.render_line(0).text)
+        assert beside.render_line(0).text.startswith("─ field ─")
+        if size == (200, 60):
+            assert main.size.width * main.size.height > beside.size.width * beside.size.height
+        await pilot.press("z", "z")
+        assert re.match("─ frame 0020 · ", main.render_line(0).text)
+        assert beside.render_line(0).text.startswith("─ close-up 0020")
 
-    play(wire, scene, (120, 40))
+    play(wire, scene, size)
 
 
 def test_the_picture_marks_what_is_followed_and_how_sure_that_is(wire: FakeWire) -> None:

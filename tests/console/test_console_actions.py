@@ -16,11 +16,11 @@ from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.commands.keymap import Orders, key_words, load_keymap
 from rsoconsole.console.dialogs.help import help_text
+from rsoconsole.console.panes.frame_pane import SIGHTS, FramePane
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.panes.panes import SIGHTS, FramePane
 from rsoconsole.console.screens.night_screen import ChangedPartsDrawer
 from rsoconsole.control import Command, Hold, MarkByHand, Outcome
-from rsoconsole.records import Detections, Event, NotSolved
+from rsoconsole.records import ChartStar, Detections, Event, NotSolved
 from rsoconsole.session import SessionWriter
 from tests.makers import NS
 from tests.nights import made_up_night as night
@@ -378,8 +378,8 @@ def test_centring_that_is_refused_goes_nowhere(wire: FakeWire):
 def test_a_streak_is_marked_with_arrows_and_enter(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("z", "z")
-        drawing = app.live.query_one("#frame", FramePane).drawing
+        await pilot.press("z")
+        drawing = app.live.drawing
         assert drawing.px_per_square == 1.0
         await pilot.press("m")
         assert "mark the first end" in pane(app, "keys")
@@ -397,6 +397,29 @@ def test_a_streak_is_marked_with_arrows_and_enter(wire: FakeWire):
         assert app.live.marking is None
 
     play(wire, scene, LARGE)
+
+
+@pytest.mark.parametrize("size", [(80, 24), LARGE, (200, 60)])
+def test_a_mark_begins_in_the_close_up_and_in_the_field_where_there_is_none(
+    wire: FakeWire, writer: SessionWriter, size: tuple[int, int]
+):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        while app.live.drawing.px_per_square < 10.0:
+            await pilot.press("z")  # to the field
+        await pilot.press("m")
+        window = app.live.drawing.window
+        assert window.width_px <= 256.0
+        x_px, y_px = app.live.marking.cursor_px
+        assert window.x0_px < x_px < window.x0_px + window.width_px
+        assert (x_px, y_px) == pytest.approx((2000.0, 1500.0), abs=4.0)
+        await pilot.press("escape")
+        app.live.picture = dataclasses.replace(app.live.picture, closeup=None, place=None)
+        await pilot.press("m")
+        assert app.live.drawing.window.width_px == 4656.0
+        assert app.live.marking.px_per_square > 10.0
+
+    play(wire, scene, size)
 
 
 def test_in_a_frame_that_was_not_solved_no_mark_is_begun(wire: FakeWire, writer: SessionWriter):
@@ -557,10 +580,10 @@ def test_a_mark_is_left_off_when_another_session_begins(
 def test_a_mark_is_as_sure_as_the_coarser_view_of_its_two_ends(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        await pilot.press("z", "z", "m", "enter")
+        await pilot.press("z", "m", "enter")
         assert app.live.marking.px_per_square == 1.0
         await pilot.press("z")
-        square = app.live.query_one("#frame", FramePane).drawing.px_per_square
+        square = app.live.drawing.px_per_square
         assert app.live.marking.px_per_square == square > 10.0
         await pilot.press("right", "enter")
         await until(pilot, lambda: wire.verbs == ["mark"])
@@ -706,16 +729,14 @@ def test_a_mark_is_drawn_with_the_mouse(wire: FakeWire):
     play(wire, scene)
 
 
-def test_a_click_on_a_streak_follows_it(wire: FakeWire):
+def test_a_click_on_the_followed_streak_says_so(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
         window = app.live.query_one("#frame", FramePane).drawing.window
         column, row = window.cell(2000.0, 1500.0)
         await pilot.click("#frame", offset=(column, row + 1))
-        await until(pilot, lambda: wire.verbs == ["choose"])
-        assert wire.sent[0][1] == {"frame": FRAMES, "x": 2000.0, "y": 1500.0}
-        await pilot.click("#frame", offset=(2, 2))
-        assert wire.verbs == ["choose"]
+        await until(pilot, lambda: "is followed already" in pane(app, "keys"))
+        assert wire.verbs == []
 
     play(wire, scene)
 
@@ -737,15 +758,42 @@ def test_the_keys_of_the_last_line_are_buttons_too(wire: FakeWire):
 
 def test_zoom_and_stretch_go_round(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
-        for sight in (*SIGHTS[1:], SIGHTS[0]):
+        for sight in (SIGHTS[2], *SIGHTS[:2]):
             await pilot.press("z")
             assert f"picture: {sight}" in pane(app, "keys")
-            title = screen_text(app).splitlines()[1]
+            title = screen_text(app).splitlines()[app.live.picture_panes()[0].region.y]
             assert ("close-up" in title) is (sight != "field")
         for stretch in ("asinh", "linear", "streaks"):
             await pilot.press("f")
             assert f"stretch: {stretch}" in pane(app, "keys")
             assert (f"· {stretch}" in screen_text(app)) is (stretch != "streaks")
+
+    play(wire, scene, LARGE)
+
+
+def test_the_field_is_a_chart_and_f_shows_its_pixels(wire: FakeWire, writer: SessionWriter):
+    stars = [ChartStar(100.0 + 400.0 * k, 150.0 + 300.0 * k, 900.0 * 2.0**k) for k in range(11)]
+    night.add_frames(writer, range(FRAMES + 1, FRAMES + 2))
+    night.add_previews(writer, range(FRAMES + 1, FRAMES + 2), stars)
+
+    def field(app: ConsoleApp) -> str:
+        pane_of_it = app.live.picture_panes()[1]
+        return "".join(pane_of_it.render_line(y).text for y in range(pane_of_it.size.height))
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.picture is not None and app.live.picture.has_chart)
+        await until(pilot, lambda: field(app).count("✶") >= 1)
+        assert not set(field(app)) & set("▖▗▘▝▚▞█▌▐")
+        assert "[─]" in field(app) or "[──]" in field(app)
+        for look in ("stretch: streaks", "stretch: asinh", "stretch: linear"):
+            await pilot.press("f")
+            assert look in pane(app, "keys")
+            assert set(field(app)) & set("▖▗▘▝▚▞█▌▐")
+        await pilot.press("f")
+        assert "field: chart" in pane(app, "keys")
+        assert "✶" in field(app)
+        await pilot.press("m")  # what was missed is on no chart
+        assert set(field(app)) & set("▖▗▘▝▚▞█▌▐")
 
     play(wire, scene, LARGE)
 

@@ -36,8 +36,8 @@ class Kept(Memory):
         super().append(record, t_utc_ns)
         return self.writer.append(record, t_utc_ns)
 
-    def save_preview(self, frame_id: int, picture: Any) -> bool:
-        return self.writer.save_preview(frame_id, picture)
+    def save_preview(self, frame_id: int, picture: Any, stars: Any = None) -> bool:
+        return self.writer.save_preview(frame_id, picture, stars)
 
     def save_closeup(self, frame_id: int, picture: Any) -> bool:
         return self.writer.save_closeup(frame_id, picture)

@@ -15,7 +15,7 @@ from rsoconsole.console.dialogs.candidates import (
 )
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
 from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends
-from rsoconsole.console.panes.panes import FramePane
+from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.control import MarkByHand, Outcome
 from rsoconsole.night import NightFrame

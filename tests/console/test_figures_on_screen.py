@@ -20,7 +20,7 @@ from rsoconsole.console.night.engine_view import EngineView, read_engine_view
 from rsoconsole.console.orbit.lines import orbit_lines, orbit_pane_contents, target_words
 from rsoconsole.console.panes.last_line import key_line, live_keys
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
-from rsoconsole.console.tuning.tuning_pane import Tuning
+from rsoconsole.console.tuning.tuning_pane import TuneFigures, Tuning
 from rsoconsole.console.tuning.what_if_watch import (
     count_present_settings_frames,
     lead_track_frames,
@@ -94,12 +94,13 @@ def tuned(now: TrackFigures, then: TrackFigures | None, has_changes: bool, **wor
     tuning.see({"detector.tau": 0.1})
     if has_changes:
         tuning.step(1)
-    return plain(tune_lines(tuning, now, then, words=TuneWords(**words))(47, 22))
+    return plain(tune_lines(tuning, TuneFigures(now, then), words=TuneWords(**words))(47, 22))
 
 
 def test_fewer_measurements_are_said_to_make_the_figures_no_comparison():
     fewer = dataclasses.replace(figures(), updates=26, misses=14, residual_rms_arcsec=0.3)
-    assert "14 fewer measured: rms, NIS not comparable" in tuned(figures(), fewer, True)
+    said = " ".join(tuned(figures(), fewer, True).split())
+    assert "14 fewer frames are measured if tried: rms and NIS are of other frames" in said
     assert "not comparable" not in tuned(figures(), figures(), True)
 
 
@@ -149,8 +150,8 @@ def test_what_was_applied_is_named_with_both_values():
     tuning.changes = {"filter.q_multiplier": 2.25}
     tuning.apply()
     tuning.see({"filter.q_multiplier": 2.25})
-    lines = plain(tune_lines(tuning, figures(), None)(60, 30))
-    assert "nothing tried, Q× 1 → 2.25 in force" in lines
+    lines = plain(tune_lines(tuning, TuneFigures(figures()))(60, 30))
+    assert "tune · Q× 1 → 2.25 in force" in lines
 
 
 def test_a_cross_at_the_mean_nis_has_its_band():
@@ -354,6 +355,21 @@ def test_by_hand_it_is_said_when_the_satellite_leaves_the_field():
 def test_nothing_is_said_of_a_field_that_does_not_go_with_the_stars(changes: dict[str, Any]):
     view, engine = by_hand(**changes)
     assert "the field" not in plain(figure_lines(view, engine, None, 120, 5))
+
+
+def test_after_a_slew_by_hand_nothing_is_said_of_the_field_before_it():
+    view, engine = by_hand()
+    row = dataclasses.replace(view.rows[0], mount_icrs_deg=(150.0, -5.0))
+    later = dataclasses.replace(row, frame_id=8, mount_icrs_deg=(157.5, -5.0), is_solved=None)
+    for rows, is_said in (((row,), True), ((row, later), False)):
+        seen = dataclasses.replace(view, rows=rows)
+        said = plain(figure_lines(seen, engine, None, 120, 5))
+        assert ("leaves the field" in said) is is_said
+    ordered = Pointing(
+        t_utc_ns=night.t_of(6), ra_icrs_deg=157.5, dec_icrs_deg=-5.0, is_ordered=True
+    )
+    sent = dataclasses.replace(view, pointing=ordered)
+    assert "leaves the field" not in plain(figure_lines(sent, engine, None, 120, 5))
 
 
 def held(now_utc_ns: int, **changes: Any) -> tuple[NightView, EngineView]:

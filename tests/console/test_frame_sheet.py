@@ -190,7 +190,13 @@ def drawn(sheet: FrameSheet) -> str:
 
 def test_the_kept_frame_shows_its_streak_between_its_marks(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
-        assert "whole field" in title(sheet), sheet.sheet.fault
+        view = sheet.sheet.view
+        assert view is not None, sheet.sheet.fault
+        assert view.zoom == 0
+        # The view fills its room, and is of the streak.
+        assert (view.window.columns, view.window.rows) == sheet.picture.room
+        await press(pilot, sheet, *["minus"] * 9)
+        assert "whole field" in title(sheet)
         # The cross is on the streak: signs above and below it, none upon it.
         assert re.search(r"\{\[[ ▖-▟▀-▐]+\]\}", drawn(sheet))
         assert "▾" in drawn(sheet)
@@ -251,7 +257,7 @@ def test_the_cross_reads_pixel_light_and_direction(impatient_seat: None):
 def test_zoom_goes_from_the_whole_field_to_a_quarter_pixel_and_back(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         seen = [title(sheet)]
-        for _ in range(12):
+        for _ in range(15):
             await pilot.press("z")
             seen.append(title(sheet))
         text = " ".join(seen)
@@ -429,8 +435,8 @@ def test_a_missing_network_is_said_and_the_pixels_are_shown(tmp_path: Path, impa
         panel = " ".join(words(sheet, "panel").split())
         assert "cannot be read" in panel
         assert "reinstall rsoconsole" in panel
-        await press(pilot, sheet, "plus")
-        assert "16 px a square" in title(sheet)
+        await press(pilot, sheet, "minus")
+        assert "4 px a square" in title(sheet)
 
     look(act, config=config, size=(120, 40))
 
@@ -756,6 +762,7 @@ def test_in_the_smallest_terminal_the_streak_is_found_and_the_list_opens(impatie
 
 def test_a_click_puts_the_cross_there(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
+        await pilot.press(*["minus"] * 9)  # to the whole field, which a cross does not move
         await pilot.click("#picture", offset=(10, 5))
         view = sheet.sheet.view
         assert view is not None

@@ -13,6 +13,7 @@ from PIL import Image
 
 from rsoconsole.console.picture.graphics import paint_picture
 from rsoconsole.console.picture.marks import Mark, Window
+from rsoconsole.records import ChartStar
 from tests.nights import made_up_night as night
 from tests.rigs.terminal import Terminal
 from tests.rigs.whole_engine import wait_for
@@ -95,3 +96,24 @@ def test_in_the_night_colours_a_picture_is_red():
     )
     red, green, blue = picture[0, 0]
     assert red > 3 * green > 3 * blue
+
+
+def sizes(terminal: Terminal) -> set[tuple[int, int]]:
+    """Sizes of the pictures that were sent: each pane has its own."""
+    return {picture.size for picture in kitty_pictures(terminal.written)}
+
+
+def test_a_chart_is_written_where_pixels_are_drawn_by_kitty_too(tmp_path: Path):
+    writer = night.begin(tmp_path / "night")
+    night.armed(writer)
+    night.add_frames(writer, range(1, 9))
+    stars = [ChartStar(300.0 + 400.0 * k, 3000.0, 900.0 * 2.0**k) for k in range(8)]
+    night.add_previews(writer, range(8, 9), stars)
+    writer.close()
+    command = [*COMMAND, "--session", str(tmp_path / "night"), "--graphics", "kitty"]
+    with Terminal(command, os.environ, (120, 40)) as terminal:
+        wait_for(lambda: terminal.shows("─ field", "✶"), "the chart's stars")
+        wait_for(lambda: kitty_pictures(terminal.written), "the close-up")
+        assert len(sizes(terminal)) == 1
+        terminal.press("f")
+        wait_for(lambda: len(sizes(terminal)) == 2, "the field's pixels")

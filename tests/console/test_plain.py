@@ -25,7 +25,7 @@ def test_whatever_it_is_given_it_gives_as_many_ascii_characters(text):
 
 def test_what_the_seat_says_stays_readable():
     assert to_ascii("α 05:32:11 δ -04°52′10″ ±0.2″ → COAST · 3σ") == (
-        'a 05:32:11 d -04o52\'10" ~0.2" > COAST . 3s'
+        'a 05:32:11 d -04d52\'10" ~0.2" > COAST . 3s'
     )
     assert to_ascii("├── 3σ ─┤") == "+-- 3s -+"
     # What was measured is a star wherever in its cell it lies; what was missed is an o.
@@ -40,11 +40,12 @@ def test_signs_are_spelled_out_where_the_line_has_room():
 
     assert said("a = 42166±1 km", "    02:23:27Z") == "a = 42166+-1 km   02:23:27Z"
     assert said("─ δ residual ", "──────", " 3σ 2.1″ ─") == '- Dec residual -- 3sig 2.1" -'
-    assert said("  α 05:32:11", "  δ -04°52′10″", "     ") == " RA 05:32:11  Dec -04deg52'10\" "
+    assert said("  α 05:32:11", "  δ -04°52′10″", "     ") == " RA 05:32:11  Dec -04d52'10\"   "
     # An axis keeps its place: the gap before it gives the room.
     assert said("    τ┤", " . * ") == "  tau+ . * "
-    # Where there is none one letter must do.
-    assert said("±1σ") == "~1s"
+    # Where there is none the line's end gives way: a sign has one form.
+    assert said("±1σ") == "+-1"
+    assert said("±1 of 3σ!") == "+-1 of 3s"
 
 
 @given(st.lists(st.text(alphabet="ab ─±°στ┤α", max_size=9), max_size=5))

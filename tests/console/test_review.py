@@ -14,7 +14,8 @@ from rsoconsole.console.commands.commands import commands_in
 from rsoconsole.console.dialogs.candidates import CandidatesDialog
 from rsoconsole.console.dialogs.help import HelpDialog, help_text
 from rsoconsole.console.dialogs.session_list import SessionListDialog
-from rsoconsole.console.panes.panes import FramePane, LinesPane, MomentField
+from rsoconsole.console.panes.frame_pane import FramePane
+from rsoconsole.console.panes.panes import LinesPane, MomentField
 from rsoconsole.console.screens._compare import CompareDialog
 from rsoconsole.console.screens._review_log import ReviewLogPane
 from rsoconsole.console.screens.review import ReviewScreen

@@ -404,8 +404,8 @@ def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork(
         engine = tracking(**told | {"now_utc_ns": NOW + round(after_s * NS)})
         return " ".join(plain(figure_lines(night, engine, None, 120, 5)))
 
-    assert "predicted α 10:00:00.0" in said(0.0)
-    assert "predicted α 10:01:00.2" in said(60.0)  # as the stars go by in a minute
+    assert "now α 10:00:00.0" in said(0.0)
+    assert "now α 10:01:00.2" in said(60.0)  # as the stars go by in a minute
     assert "as of" not in said(60.0)
     old = said(400.0)
     assert f"last α 10:00:00.0 δ -05:00:00  as of {utc_text(NOW, zone='')}" in old
@@ -469,7 +469,7 @@ def test_a_plate_solution_says_where_the_frame_looks_beside_the_mount_s_word():
     for size in ((80, 3), (120, 5), (60, 14)):
         said = " ".join(plain(figure_lines(night, tracking(**by_hand), None, *size)))
         assert solved in said
-        assert ("6.0′ from the mount's word" in said) == (size[0] > 80 or size[1] > 3)
+        assert ("the mount reports a place 6.0′ off" in said) == (size[0] > 80 or size[1] > 3)
         assert "mount RA 10:00:00.0 Dec -05:06:00" in said
     for stale in (
         dataclasses.replace(night, rows=(row, FrameRow(frame_id=8, is_solved=False))),

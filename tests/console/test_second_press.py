@@ -14,8 +14,8 @@ from rsoconsole.console.actions.second_press import (
 )
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import ConfirmDialog
+from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.panes.last_line import Key
-from rsoconsole.console.panes.panes import FramePane
 from rsoconsole.session import SessionWriter
 from tests.nights import made_up_night as night
 from tests.rigs.seat_rig import FRAMES, FakeWire, click, pane, play, until
@@ -226,15 +226,23 @@ def test_the_key_after_a_click_means_the_streak_that_was_clicked_in_its_frame(
     play(wire, scene, LARGE)
 
 
-def test_where_nothing_is_followed_a_click_alone_chooses(wire: FakeWire):
+def test_where_nothing_is_followed_a_click_asks_for_the_key(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
     wire.status |= {"state": "ACQUIRE"}
 
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.state == "ACQUIRE")
+        monkeypatch.setattr(app.live.streaks, "is_followed", lambda _streak: False)
         streak = app.live.streaks.streaks()[0]
         window = app.live.query_one("#frame", FramePane).drawing.window
         column, row = window.cell(streak.x_px, streak.y_px)
         await pilot.click("#frame", offset=(column, row + 1))
+        await until(pilot, lambda: "d within 8 s follows this streak" in pane(app, "keys"))
+        await pilot.click("#frame", offset=(column, row + 1))
+        await asyncio.sleep(2 * SETTLES_S)
+        assert wire.verbs == []
+        await pilot.press("d")
         await until(pilot, lambda: wire.verbs == ["choose"])
         assert wire.sent[0][1]["x"] == streak.x_px
 

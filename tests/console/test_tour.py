@@ -48,6 +48,7 @@ def test_until_something_is_followed_it_says_what_will_come():
     text = intro_text(NightView(is_simulated=True), SEARCHING, {})
     assert "searches for a satellite that nobody told it about" in text
     assert "F1 explains" in text
+    assert text.endswith("Other nights: rsoconsole demo --list")
     assert intro_text(NightView(is_simulated=True, track_frame_id=4), SEARCHING, {}) == ""
     assert intro_text(NightView(), SEARCHING, {}) == ""
     assert "F2 explains" in intro_text(NightView(is_simulated=True), SEARCHING, {"help": "F2"})

@@ -13,15 +13,22 @@ from rsoconsole.base import ConfigError
 from rsoconsole.config import Config, with_setting
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.pane_layout import THREE_COLUMNS, pane_boxes, tune_box
-from rsoconsole.console.tuning.lines import tune_lines
-from rsoconsole.console.tuning.tuning_pane import TunePane, Tuning, load_presets, save_preset
+from rsoconsole.console.tuning.lines import TuneWords, tune_lines
+from rsoconsole.console.tuning.tuning_pane import (
+    TuneFigures,
+    TunePane,
+    Tuning,
+    load_presets,
+    save_preset,
+)
 from rsoconsole.console.words.tunable import NAMES, TUNABLES
 from rsoconsole.engine import TUNABLE
-from rsoconsole.night import recorded_figures
+from rsoconsole.night import lead_figures
 from rsoconsole.pipeline import what_if
 from rsoconsole.pipeline.replays.what_if_log import track_figures
 from rsoconsole.records import Miss, TrackState
 from rsoconsole.session import decode, encode
+from rsoconsole.tracking import Settled
 from tests.rigs.engine_rig import rig
 from tests.rigs.seat_rig import FakeWire, pane, play, screen_text, until
 
@@ -82,7 +89,7 @@ def test_a_number_is_typed_within_its_bounds_and_steps_go_on_from_it():
 
 def test_what_has_been_sent_is_shown_as_sent_until_it_is_in_force():
     def said() -> str:
-        lines = tune_lines(tuning, None, None)(46, 24)
+        lines = tune_lines(tuning, TuneFigures())(46, 24)
         return "\n".join("".join(text for text, _ in line) for line in lines)
 
     tuning = Tuning()
@@ -91,7 +98,7 @@ def test_what_has_been_sent_is_shown_as_sent_until_it_is_in_force():
     assert "1 tried" in said()
     tuning.apply()
     assert "→ 0.37 sent" in said()
-    assert "1 sent, in force from the next frame" in said()
+    assert "1 sent, from the next frame" in said()
     tuning.see(PRESENT | {"detector.tau": 0.37})
     assert "sent" not in said()
 
@@ -174,7 +181,9 @@ def test_a_larger_r_makes_the_nis_smaller_and_the_bounds_hold_as_often(night):
 
 def test_the_pane_says_how_many_frames_its_figures_are_of(night):
     figures = what_if(night, CONFIG, {}, last=10)
-    said = ["".join(t for t, _ in line) for line in tune_lines(Tuning(), figures, None)(46, 24)]
+    said = [
+        "".join(t for t, _ in line) for line in tune_lines(Tuning(), TuneFigures(figures))(46, 24)
+    ]
     assert sum("last 10 frames" in line for line in said) == 1
 
 
@@ -216,13 +225,14 @@ def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str):
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60), (60, 16), (40, 12)])
-def test_the_pane_has_a_place_in_every_terminal_and_leaves_state_keys_and_picture(size):
+def test_the_pane_has_a_place_in_every_terminal_and_leaves_state_keys_and_plots(size):
     box, boxes = tune_box(*size), pane_boxes(*size)
     assert box.x + box.width <= size[0]
     assert box.y >= boxes["top"].height
     assert box.y + box.height <= size[1] - 1
-    if size[0] >= 80:
-        assert box.x >= boxes["frame"].width
+    if 80 <= size[0] < THREE_COLUMNS[0]:
+        # The plots stay beside it, a little narrower in the smallest terminal.
+        assert box.x + box.width <= boxes["confidence"].x + 4
     if size[0] >= THREE_COLUMNS[0]:
         assert box.y + box.height <= boxes["log"].y
 
@@ -231,7 +241,7 @@ def test_the_pane_says_what_is_in_force_and_what_is_tried():
     tuning = Tuning()
     tuning.see(PRESENT)
     tuning.step(1)
-    lines = tune_lines(tuning, None, None)(46, 24)
+    lines = tune_lines(tuning, TuneFigures())(46, 24)
     text = "\n".join("".join(part for part, _ in line) for line in lines)
     assert len(lines) == 24
     assert "▸ τ" in text
@@ -262,33 +272,49 @@ def test_what_a_tried_preset_does_not_ask_for_is_tried_no_longer():
     assert tuning.changes == {"filter.preset": "paper"}
 
 
-def test_the_effect_is_a_curve_and_says_which_way_is_better():
+def test_the_pane_says_where_and_when_the_filter_settles():
     told = track_figures(())
-    now = replace(told, log_likelihood_mean=-1.0, nis_curve=(0.0, 2.0, None, 30.0))
-    then = replace(told, log_likelihood_mean=-0.5, nis_curve=(0.0, 1.0, 1.0, 3.0))
+    now = replace(told, log_likelihood_mean=-1.0)
+    then = replace(told, log_likelihood_mean=-0.5)
+    in_force = Settled(
+        sigma_innovation_arcsec=(0.5, 0.2),
+        sigma_predicted_arcsec=(0.3, 0.1),
+        gain=(0.15, 0.26),
+        updates=1,
+    )
+    tried = replace(in_force, sigma_innovation_arcsec=(63.0, 2.0), gain=(0.4, 0.614), updates=54)
     tuning = Tuning()
     tuning.see(PRESENT)
     tuning.step(1)
-    lines = tune_lines(tuning, now, then)(41, 24)
+    figures = TuneFigures(now, then, in_force, tried)
+    words = TuneWords(aims_by_orbit=True, learnt="learnt: Q ×0.2")
+    lines = tune_lines(tuning, figures, words=words)(36, 24)
     texts = ["".join(part for part, _ in line) for line in lines]
-    assert any(row.startswith("  log L ↑ is better") and row.endswith("-0.50") for row in texts)
-    assert "  NIS as it was  ▁▂·█" in texts
-    assert "  NIS if tried   ▁▁▁▃" in texts
-    inks = {part: ink for line in lines for part, ink in line}
-    assert (inks["█"], inks["▃"]) == ("warn", "")
-    # Where the settings need the rows there is none.
-    low = ["".join(part for part, _ in line) for line in tune_lines(tuning, now, then)(41, 14)]
-    assert not [row for row in low if "NIS as it was" in row]
+    assert "  bounds 3σ      1.5 .6″   3.15 .1′" in texts
+    assert "  gain RA δ      .15 .26    .40 .61" in texts
+    assert "  after         1 frames  54 frames" in texts
+    assert " learnt: Q ×0.2" in texts
+    assert any("the orbit aims" in row for row in texts)
+    assert any(row.startswith("  log L ↑") and row.endswith("-0.50") for row in texts)
+    labels = [row[3:].split()[0] for row in texts[1:4]]
+    assert labels == ["τ", "Q", "R"]  # first, and seen in the smallest pane
 
 
-def test_the_curve_is_the_lead_s_innovations_frame_by_frame():
+def test_the_bounds_if_tried_are_those_of_the_lead_frame_by_frame():
     r = rig(set(range(1, 8)))
     r.engine.arm()
     r.engine.run(frames=9)
-    curve = recorded_figures(r.memory.records).nis_curve
-    nis = {s.frame_id: s.nis for s in r.memory.of(TrackState) if s.kind == "updated"}
-    assert len(nis) > 3
-    assert curve == tuple(nis.get(frame) for frame in range(1, 10))
+    figures, newest = lead_figures(r.memory.records, r.engine.config)
+    sigmas = {
+        s.frame_id: s.sigma_innovation_arcsec
+        for s in r.memory.of(TrackState)
+        if s.kind == "updated"
+    }
+    assert len(sigmas) > 3
+    shown = {frame: (east, north) for frame, *(east, north) in figures.lead_sigmas_arcsec}
+    assert {frame: shown[frame] for frame in sigmas} == sigmas
+    assert newest.update.updated.frame_id in sigmas
+    assert newest.cadence_s > 0.0
 
 
 @pytest.mark.parametrize("height", [12, 17, 21])
@@ -297,7 +323,7 @@ def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height
     tuning.see(PRESENT)
     for row, tunable in enumerate(tuning.tunables):
         tuning.row = row
-        lines = tune_lines(tuning, None, None)(41, height)
+        lines = tune_lines(tuning, TuneFigures())(41, height)
         texts = ["".join(part for part, _ in line) for line in lines]
         assert len(texts) == height
         assert [text for text in texts if "▸" in text and tunable.label in text]
@@ -306,7 +332,7 @@ def test_in_a_lower_pane_the_settings_move_so_that_the_chosen_one_is_seen(height
         )
         assert any(text.startswith(" ▲") for text in texts) or row < height // 2 or is_whole
         assert any(text.startswith(" ▼") for text in texts) or row > 2 or is_whole
-        assert "state" in texts[-2 if height < 17 else -4]
+        assert "as it was" in "".join(texts)
 
 
 def test_what_is_tried_is_shown_then_applied_then_undone(wire: FakeWire):
@@ -380,6 +406,20 @@ def test_stop_works_while_one_tunes_and_arrows_do_not_nudge(wire: FakeWire):
     play(wire, scene)
 
 
+def test_q_and_r_are_proposed_from_the_pane(wire: FakeWire):
+    """The measurements of the made-up night have no error: a smaller R is put on trial."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t", "p")
+        assert "seeking the likeliest Q and R" in pane(app, "keys")
+        await until(pilot, lambda: "proposal: " in pane(app, "keys"))
+        assert app.live.tune.tuning.changes["filter.r_multiplier"] < 0.01
+        assert "tried" in pane(app, "tune")
+
+    play(wire, scene)
+
+
 def test_a_preset_is_saved_and_loaded_from_the_pane(
     wire: FakeWire, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -389,7 +429,7 @@ def test_a_preset_is_saved_and_loaded_from_the_pane(
         await until(pilot, lambda: app.live.engine.is_attached)
         await pilot.press("t", "o")
         assert "no preset" in pane(app, "keys")
-        await pilot.press("down", "right", "right", "w")
+        await pilot.press("down", "down", "down", "right", "right", "w")
         await until(pilot, lambda: app.screen is not app.live)
         await pilot.press(*"bad", "enter")
         await until(pilot, lambda: app.screen is app.live)
@@ -430,14 +470,16 @@ def test_a_figure_on_the_keyboard_begins_a_number_for_the_chosen_setting(wire: F
     play(wire, scene)
 
 
-def test_beside_the_open_pane_no_figure_is_cut(wire: FakeWire):
+def test_beside_the_open_pane_plots_figures_and_log_are_seen(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)
-        facts, tune = app.live.query_one("#facts"), app.live.query_one("#tune")
+        live = app.live
+        facts, tune = live.query_one("#facts"), live.query_one("#tune")
         wide = facts.size.width
         await pilot.press("t")
         await until(pilot, lambda: facts.size.width < wide)
-        assert facts.region.right <= tune.region.x
+        for name in ("facts", "log", "confidence", "east", "north"):
+            assert live.query_one(f"#{name}").region.x > tune.region.right - 1
         await pilot.press("escape")
         await until(pilot, lambda: facts.size.width == wide)
 

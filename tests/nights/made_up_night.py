@@ -1,6 +1,6 @@
 """A night made up record by record, to be shown; no engine has a part in it."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from rsoconsole.config import Config
 from rsoconsole.records import (
     Cause,
+    ChartStar,
     Closeup,
     CycleTiming,
     Detections,
@@ -58,7 +59,9 @@ def add_frames(writer: SessionWriter, frames: range, missed: Collection[int] = (
     assert writer.flush()
 
 
-def add_previews(writer: SessionWriter, frames: range) -> None:
+def add_previews(
+    writer: SessionWriter, frames: range, stars: Sequence[ChartStar] | None = None
+) -> None:
     """Their pictures: a dark sky with a few stars, and a streak from near, the same for all."""
     random = np.random.default_rng(5)
     picture = random.normal(60, 6, (440, 582)).astype(np.uint8)
@@ -67,7 +70,7 @@ def add_previews(writer: SessionWriter, frames: range) -> None:
     closeup = random.normal(60, 12, (192, 256)).astype(np.uint8)
     closeup[94:97, 70:188] = 200
     for frame_id in frames:
-        assert writer.save_preview(frame_id, picture)
+        assert writer.save_preview(frame_id, picture, stars)
         place = Closeup(frame_id=frame_id, x0_px=1872, y0_px=1405, width_px=256, height_px=192)
         writer.append(place, t_of(frame_id))
         assert writer.save_closeup(frame_id, closeup)

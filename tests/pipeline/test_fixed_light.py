@@ -15,9 +15,10 @@ from rsoconsole.pipeline.comparison.fixed_light import (
     KnownStars,
     RecordedComparison,
 )
+from rsoconsole.pipeline.frame.reduce import CHART_STARS
 from rsoconsole.records import BelowTau, Detections, Frame, NotAStreak, Solution, Wcs
 from rsoconsole.session import decode, encode
-from rsoconsole.sky import StarCatalogue, Stars
+from rsoconsole.sky import StarCatalogue, Stars, sky_to_pixel
 from rsoconsole.tracking import TRACKABLE_CLASSES
 from rsoconsole.vision import (
     FEATURES,
@@ -118,6 +119,18 @@ def test_one_frame_alone_takes_stars_in_a_row_for_a_streak():
     (streak,) = found.detections.detections
     assert len(found.measurements) == 1
     assert streak.confidence > 0.5
+
+
+def test_the_brightest_stars_are_kept_for_a_chart_where_they_are():
+    sky = sky_with(5, is_chain=False)
+    stars = reducer().reduce(sky.frame(2, PLATES[2])).chart_stars
+    assert 8 <= len(stars) <= CHART_STARS
+    assert list(stars) == sorted(stars, key=lambda star: -star.flux_adu)
+    x, y = sky_to_pixel(PLATES[2], sky.ra_deg, sky.dec_deg)
+    for star in stars[:8]:
+        near = np.argmin(np.hypot(x - star.x_px, y - star.y_px))
+        assert (star.x_px, star.y_px) == pytest.approx((x[near], y[near]), abs=1.0)
+        assert star.flux_adu > 0.7 * sky.flux_adu[near]
 
 
 @pytest.mark.parametrize("seed", range(5, 9))

@@ -282,7 +282,9 @@ def test_a_rough_mark_asks_before_it_replaces_a_better_measurement():
     assert asked.data["asks"] == "replaces"
     assert asked.data["sigma_arcsec"] == pytest.approx(113.0, rel=0.05)
     assert asked.data["better_arcsec"] == pytest.approx(1.0, rel=0.1)
-    assert "yours is good to ±113″" in asked.message
+    assert "yours is ±113″" in asked.message
+    # One row of the notice, which says "refused: " first.
+    assert len(f"refused: {asked.message}") < 79
     assert r.engine.following.lead_measured == taken
     assert say(r, "mark", replaces=True, **ends).ok
     assert r.engine.following.lead_measured.source == "operator"

@@ -172,6 +172,25 @@ def test_noise_stated_twofold_wrong_is_found_and_fresh_nights_are_then_sound(
         assert was_sound == 0
 
 
+@pytest.mark.parametrize("r", [9.0, 1.0])
+def test_preset_adaptive_has_its_factor_put_right(tmp_path, r):
+    """A factor that nobody needs is proposed away; without one there is nothing to change."""
+    folder = record_night(
+        tmp_path / "night",
+        frames=30,
+        seed=2,
+        sigma_arcsec=0.4,
+        settings={"preset": "adaptive", "r_multiplier": r},
+    )
+    found = propose([folder])
+    assert found.verdict == ("change" if r > 1.0 else "no change is called for")
+    if r > 1.0:
+        assert 0.5 < found.changes["filter.r_multiplier"] < 2.0
+        assert not found.before.nis_band[0] < found.before.nis_mean
+        assert found.after.nis_band[0] < found.after.nis_mean < found.after.nis_band[1]
+    assert any("has learnt: along-track scatter" in warning for warning in found.warnings)
+
+
 def test_the_evidence_of_a_change_is_there(proposed):
     found, _ = proposed("paper", 4.0)
     assert found.innovations == FRAMES - 2

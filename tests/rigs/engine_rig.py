@@ -261,7 +261,7 @@ class Memory:
     def save_frame(self, frame: Frame) -> bool:
         return True
 
-    def save_preview(self, frame_id: int, picture: Any) -> bool:
+    def save_preview(self, frame_id: int, picture: Any, stars: Any = None) -> bool:
         return True
 
     def save_closeup(self, frame_id: int, picture: Any) -> bool:

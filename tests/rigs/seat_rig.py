@@ -23,7 +23,6 @@ from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.panes.panes import LinesPane, StopBanner
 from rsoconsole.console.tuning import what_if_watch
 from rsoconsole.control import BeginMark, Command, Outcome
-from rsoconsole.night import TrackFigures
 from rsoconsole.pipeline import WhatIfProcess, WhatIfQuestion
 from rsoconsole.session import SessionWriter
 from tests.makers import NS
@@ -169,10 +168,10 @@ class _SharedTrials(WhatIfProcess):
         self._turn = threading.Lock()
         atexit.register(super().close)
 
-    def ask(self, question: WhatIfQuestion) -> TrackFigures:
+    def _answer_to(self, question: WhatIfQuestion) -> Any:
         """One seat after the other."""
         with self._turn:
-            return super().ask(question)
+            return super()._answer_to(question)
 
     def close(self) -> None:
         """It stays for the next seat."""

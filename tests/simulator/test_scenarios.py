@@ -1,4 +1,4 @@
-"""Every scenario is a night that could be: dark, above the horizon, lit, and found by a sweep."""
+"""Every scenario is a night that could be: dark, above the horizon, lit, and found at once."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,16 @@ from typer.testing import CliRunner
 
 from rsoconsole.base import ConfigError
 from rsoconsole.cli.app import app
-from rsoconsole.config import OpticsConfig, SearchConfig
-from rsoconsole.orbits import Satellite
-from rsoconsole.simulator import DAYTONA_BEACH, DEFAULT_SCENARIO, all_scenarios, scenario_named
+from rsoconsole.config import Config, OpticsConfig, SearchConfig
+from rsoconsole.orbits import Satellite, parse_elements
+from rsoconsole.simulator import (
+    DAYTONA_BEACH,
+    DEFAULT_SCENARIO,
+    Scene,
+    all_scenarios,
+    elements_path,
+    scenario_named,
+)
 from rsoconsole.simulator.sky.brightness import BrightnessHistory, PeriodicFading
 from rsoconsole.sky import (
     altaz_of_hour_angle,
@@ -23,7 +30,9 @@ from rsoconsole.sky import (
 
 NS = 1_000_000_000
 NIGHT_S = np.arange(0, 3601, 600)
-WITH_TARGET = [name for name, each in all_scenarios().items() if each.target_norad_id]
+ON_THE_BELT = [each for each in all_scenarios().values() if each.name != "low-pass"]
+CLUSTER = {39078, 35942, 42934, 36792, 39008, 41592}
+WITH_TARGET = [each.name for each in ON_THE_BELT if each.target_norad_id]
 
 
 def instants(scenario):
@@ -36,9 +45,11 @@ def places(scenario, norad_id):
     return satellite, satellite.astrometric_place(scenario.site, instants(scenario))
 
 
-def test_the_five_scenarios_are_there_and_the_default_comes_first():
-    names = ["intelsat-14", "ses-10", "intelsat-21", "cloud-bank", "empty"]
-    assert list(all_scenarios()) == names
+NAMES = ["intelsat-14", "cluster", "low-pass", "ses-10", "intelsat-21", "cloud-bank", "empty"]
+
+
+def test_the_scenarios_are_there_and_the_default_comes_first():
+    assert list(all_scenarios()) == NAMES
     assert next(iter(all_scenarios())) == DEFAULT_SCENARIO
     assert all(name == each.name for name, each in all_scenarios().items())
 
@@ -50,19 +61,28 @@ def test_the_demo_takes_a_scenario_by_its_name_alone():
 
 
 def test_an_unknown_scenario_is_refused_with_the_names_there_are():
-    with pytest.raises(ConfigError, match=r"intelsat-14, ses-10, intelsat-21, cloud-bank, empty"):
+    with pytest.raises(ConfigError, match=", ".join(NAMES)):
         scenario_named("intelsat-99")
+
+
+def test_every_night_has_a_line_in_the_list():
+    shown = CliRunner().invoke(app, ["demo", "--list"]).stdout.splitlines()
+    assert [line.split(" ")[0] for line in shown] == NAMES
+    assert all(
+        line.endswith(each.description) and len(line) < 100
+        for line, each in zip(shown, all_scenarios().values(), strict=True)
+    )
 
 
 @pytest.mark.parametrize("scenario", all_scenarios().values(), ids=lambda each: each.name)
 def test_the_sky_is_dark_for_an_hour(scenario):
-    assert scenario.site == DAYTONA_BEACH
     for t_utc_ns in instants(scenario):
         assert sun_altitude_deg(scenario.site, int(t_utc_ns)) < -12.0
 
 
-@pytest.mark.parametrize("scenario", all_scenarios().values(), ids=lambda each: each.name)
+@pytest.mark.parametrize("scenario", ON_THE_BELT, ids=lambda each: each.name)
 def test_the_telescope_starts_on_the_belt_above_25_deg_and_within_the_shipped_stars(scenario):
+    assert scenario.site == DAYTONA_BEACH
     altitude, _ = altaz_of_hour_angle(
         scenario.site, scenario.start_hour_angle_deg, scenario.start_declination_deg
     )
@@ -125,7 +145,7 @@ def test_a_sweep_of_the_belt_meets_the_target_after_a_few_frames_and_no_other_be
     first = next(index for index, inside in enumerate(met) if inside)
     assert 1 <= first <= 3
     assert scenario.target_norad_id in met[first]
-    companions = {"ses-10": {49332}}.get(name, set())
+    companions = {"ses-10": {49332}, "cluster": CLUSTER}.get(name, set())
     assert met[first] == {scenario.target_norad_id} | companions
 
 
@@ -140,6 +160,51 @@ def test_intelsat_14_is_alone_within_two_and_a_half_degrees():
                 target.ra_icrs_deg, target.dec_icrs_deg, place.ra_icrs_deg, place.dec_icrs_deg
             )
             assert np.min(distance) > 2.5
+
+
+def test_all_catalogued_satellites_of_the_belt_are_in_every_sky_above_it():
+    sets = parse_elements(elements_path().read_text(encoding="ascii"))
+    belt = {each.norad_id for each in sets} - {12}
+    assert len(belt) == 16
+    for scenario in ON_THE_BELT:
+        if scenario.name != "empty":
+            there = {each.element_set.norad_id for each in scenario.satellites}
+            assert there == belt
+            assert len({each.standard_magnitude for each in scenario.satellites}) > 6
+
+
+def test_a_go_to_along_the_belt_finds_another_satellite():
+    """The default night's sky where SES 10 stands, half the sky west of its target."""
+    scenario = scenario_named("intelsat-14")
+    _, place = places(scenario, 42432)
+    optics = OpticsConfig(width_px=900, height_px=700)
+    _, truth = Scene(scenario, 1, optics=optics).expose(
+        float(place.ra_icrs_deg[0]),
+        float(place.dec_icrs_deg[0]),
+        *(1.7, False, scenario.t_start_utc_ns, EXPOSURE_S),
+    )
+    seen = {each.name: each.snr_integrated for each in truth.satellites if each.is_in_frame}
+    assert list(seen) == ["SES 10", "SES 17"]
+    assert seen["SES 10"] > 3.0 * seen["SES 17"] > 0.0
+
+
+def test_six_satellites_of_the_cluster_fit_one_field_all_night():
+    scenario = scenario_named("cluster")
+    found = [places(scenario, each)[1] for each in CLUSTER]
+    width_deg, height_deg = OpticsConfig().field_deg
+    assert np.ptp([each.ra_icrs_deg for each in found], axis=0).max() < 0.6 * width_deg
+    assert np.ptp([each.dec_icrs_deg for each in found], axis=0).max() < 0.6 * height_deg
+
+
+def test_the_low_pass_goes_by_in_the_sun_within_the_shipped_stars_and_the_limits():
+    scenario, limits = scenario_named("low-pass"), Config().limits
+    one = scenario.target
+    t = scenario.t_start_utc_ns + np.arange(10, 1200, 10) * NS
+    place = Satellite(one.element_set).astrometric_place(scenario.site, t)
+    altitude, _ = icrs_to_altaz(scenario.site, place.ra_icrs_deg, place.dec_icrs_deg, t)
+    assert np.min(altitude) > limits.min_altitude_deg
+    assert np.all(np.abs(place.dec_icrs_deg) < 11.0)
+    assert np.all(lit_fraction(place.position_gcrs_km, t) == 1.0)
 
 
 def test_ses_17_stands_a_fifth_of_a_degree_from_ses_10_and_is_fainter():
@@ -162,14 +227,14 @@ HIDDEN_MAG = 2.1
 """One that surely hides them."""
 
 
-def extra_mag(scenario, seed, begin_s):
+def extra_mag(scenario, seed, begin_s, count=None):
     """Own fading and clouds of the target in its night's exposures, mean over each."""
     [target] = [
         each
         for each in scenario.satellites
         if each.element_set.norad_id == scenario.target_norad_id
     ]
-    starts_s = begin_s + CADENCE_S * np.arange(scenario.frames)
+    starts_s = begin_s + CADENCE_S * np.arange(count or scenario.frames)
     within_s = np.linspace(0.0, EXPOSURE_S, 5)
     own = [target.brightness.extra_mag(t + within_s, seed).mean() for t in starts_s]
     west, north = np.array([scenario.target_hour_angle_deg]), np.array([-4.8])
@@ -182,7 +247,7 @@ def extra_mag(scenario, seed, begin_s):
 
 @pytest.mark.parametrize("begin_s", [0.0, 10.0, 20.0])
 @pytest.mark.parametrize("seed", range(1, 6))
-def test_intelsat_14_fades_a_handful_of_times_and_is_gone_at_the_end(seed, begin_s):
+def test_intelsat_14_fades_a_handful_of_times_and_is_gone_after_forty_frames(seed, begin_s):
     lost_mag = extra_mag(scenario_named("intelsat-14"), seed, begin_s)
     before, end = lost_mag[:34], lost_mag[-3:]
     assert 2 <= np.sum(before > HIDDEN_MAG) <= 5
@@ -190,6 +255,22 @@ def test_intelsat_14_fades_a_handful_of_times_and_is_gone_at_the_end(seed, begin
     assert np.all(end > HIDDEN_MAG)
     two_frames_for_a_track = lost_mag[:7]
     assert np.all(two_frames_for_a_track < SEEN_MAG)
+
+
+HOURS_TO_DAWN = 3.9
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_intelsat_14_comes_back_each_time_until_dawn(seed):
+    """Gone for less than ten minutes each time, and longer there than gone."""
+    count = round(HOURS_TO_DAWN * 3600.0 / CADENCE_S)
+    is_gone = extra_mag(scenario_named("intelsat-14"), seed, 0.0, count) > SEEN_MAG
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], is_gone.astype(int), [0]])))
+    gone_s = np.diff(ends)[::2] * CADENCE_S
+    assert np.sum(gone_s > 240.0) == 6
+    assert np.max(gone_s) < 600.0
+    assert np.mean(is_gone) < 0.3
+    assert not np.any(is_gone[-5:])
 
 
 @pytest.mark.parametrize("begin_s", [0.0, 5.0, 10.0])

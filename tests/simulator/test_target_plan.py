@@ -106,7 +106,7 @@ def test_several_targets_are_all_in_the_first_frame_and_the_others_of_the_file_t
     exposure = first_exposure(plan, LATENCY_S, 3)
     seen = {each["norad_id"] for each in exposure["satellites"] if each["is_in_frame"]}
     assert {49332, 42432} <= seen
-    assert len(scenario_from_plan(plan).satellites) == 13, "every object of the file is there"
+    assert len(scenario_from_plan(plan).satellites) == 17, "every object of the file is there"
 
 
 def test_a_plan_crosses_to_another_process(config):

@@ -1,10 +1,13 @@
 """What a filter's innovations say of its Q and R, on innovations of known making."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rsoconsole.tracking import WINDOW, consistency, mean_nis_band
-from rsoconsole.tracking.filters.innovations import MIN_UPDATES
+from rsoconsole.night import FrameRow, since_last_change
+from rsoconsole.tracking import consistency, mean_nis_band
+from rsoconsole.tracking.filters.innovations import ENOUGH, MIN_UPDATES, SETTLING
 
 
 def innovations(scale: float, count: int, seed: int, correlation: float = 0.0):
@@ -24,8 +27,20 @@ def test_the_band_is_that_of_the_tables():
 
 
 def test_a_sound_filter_is_blamed_as_seldom_as_the_band_says():
-    verdicts = [consistency(*innovations(1.0, WINDOW, seed)).verdict for seed in range(2000)]
-    assert 0.93 < verdicts.count("sound") / len(verdicts) < 0.97
+    verdicts = [consistency(*innovations(1.0, 80, seed)).verdict for seed in range(4000)]
+    assert 0.997 < verdicts.count("sound") / len(verdicts) < 1.0
+
+
+def test_a_filter_that_is_too_wide_is_blamed_after_enough_evidence_alone():
+    def verdicts(count):
+        return [consistency(*innovations(0.6, count, seed)).verdict for seed in range(200)]
+
+    assert set(verdicts(SETTLING + ENOUGH - 1)) == {"sound"}
+    assert verdicts(SETTLING + 60).count("under-confident") > 190
+    # What the filter was at first does not count.
+    wide, _ = innovations(0.3, SETTLING, 1)
+    sound, _ = innovations(1.0, ENOUGH, 2)
+    assert consistency([*wide, *sound]).verdict == "sound"
 
 
 @pytest.mark.parametrize(
@@ -37,7 +52,7 @@ def test_a_sound_filter_is_blamed_as_seldom_as_the_band_says():
     ],
 )
 def test_what_is_wrong_is_named(scale, correlation, verdict, name):
-    found = [consistency(*innovations(scale, WINDOW, seed, correlation)) for seed in range(200)]
+    found = [consistency(*innovations(scale, 60, seed, correlation)) for seed in range(200)]
     named = [each for each in found if each.verdict == verdict and each.words.startswith(name)]
     assert len(named) / len(found) > 0.8
 
@@ -60,3 +75,13 @@ def test_the_band_of_a_mean_is_that_of_the_chi_square_law(count):
 
     expected = chi2.ppf([0.025, 0.975], 2 * count) / count
     assert mean_nis_band(count) == pytest.approx(tuple(expected), rel=1e-10)
+
+
+def test_what_came_before_the_last_change_of_a_setting_does_not_count():
+    def row(frame_id, **settings):
+        return FrameRow(frame_id=frame_id, settings=settings)
+
+    rows = [row(1), row(2, **{"filter.r_multiplier": 4.0}), row(3, **{"filter.r_multiplier": 1.0})]
+    rows += [replace(rows[-1], frame_id=4), row(5, **rows[-1].settings, **{"detector.tau": 0.3})]
+    assert [each.frame_id for each in since_last_change(rows)] == [3, 4, 5]
+    assert since_last_change([]) == []

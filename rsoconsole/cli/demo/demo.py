@@ -21,7 +21,7 @@ from rsoconsole.words import direction, number, semi_major_axis_words
 if TYPE_CHECKING:
     from rsoconsole.engine import Engine
     from rsoconsole.pipeline import Reduction
-    from rsoconsole.simulator import World
+    from rsoconsole.simulator import Scenario, World
 
 KeepFrames: TypeAlias = Literal["all", "detected", "last", "none"]
 
@@ -168,6 +168,7 @@ def demo(
     else:
         known = scenario_named(scenario)
         config = demo_config(known.site, preset=preset, keep_frames=keeps, catalogue=catalogue)
+        config = config_for_scenario(known, config)
         heading = (known.title, *known.description.splitlines())
     imperfect = _world_of(world, seed)
     config = config_for_world(imperfect, config)
@@ -192,6 +193,15 @@ def _world_of(named: str | None, seed: int) -> "World":
     if named is None:
         return DEFAULT_WORLD
     return random_world(seed) if named == "random" else load_world(Path(named))
+
+
+def config_for_scenario(scenario: "Scenario", config: Config) -> Config:
+    """Return the configuration with the settings that the scenario's night needs."""
+    sections = {
+        name: getattr(config, name).model_copy(update=dict(values))
+        for name, values in scenario.settings.items()
+    }
+    return config.model_copy(update=sections)
 
 
 def config_for_world(world: "World", config: Config) -> Config:

@@ -35,8 +35,8 @@ def what_if_lines(session: str, answer: "WhatIfFigures") -> Iterator[str]:
     carried = answer.recorded.carried_by_orbit
     if carried and answer.changes:
         yield (
-            f"  that night the orbit carried the track on {carried} times where the filter failed;"
-            " from the first other frame on the filter stands alone here"
+            f"  that night the filter failed {count_words(carried, 'time')} and the orbit's"
+            " prediction was used; here it is not, once a frame differs from the record"
         )
     if answer.branch is not None:
         yield f"  kept as {answer.branch}"

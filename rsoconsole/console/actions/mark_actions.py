@@ -39,7 +39,7 @@ class MarkActions(OperatorScreen):
     """True until that frame's streaks have been shown."""
 
     def action_mark(self) -> None:
-        """Begin a mark in the shown picture; pressed again: cancel the mark."""
+        """Begin a mark, in the close-up if there is one; pressed again: cancel the mark."""
         if self.marking is not None:
             self.cancel_mark()
             return
@@ -55,7 +55,9 @@ class MarkActions(OperatorScreen):
         if why_not:
             self.say(why_not, "warn", REFUSAL_S)
             return
-        self.marking = UnfinishedMark.begin(self.picture.frame_id, drawing)
+        self.marking = UnfinishedMark.begin(frame_id, drawing)
+        self.look_closely()
+        self.marking = UnfinishedMark.begin(frame_id, self.drawing or drawing)
         self._show_mark()
         self.begin_mark(frame_id, self._refuse_mark)
 
@@ -219,6 +221,11 @@ class MarkActions(OperatorScreen):
         if frame_id is None or since_s >= RECALLED_S:
             return None, False
         return frame_id, is_first and since_s < DETAILS_S
+
+    @property
+    def is_marking(self) -> bool:
+        """True while a mark is made by hand."""
+        return self.marking is not None
 
     @property
     def hides_signs(self) -> bool:

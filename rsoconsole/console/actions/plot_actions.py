@@ -1,7 +1,9 @@
 """The plots of a track, the frames that they show, and the pages shown in their place."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial, partialmethod
+from types import MappingProxyType
 from typing import ClassVar
 
 from rsoconsole.console.actions.seat import OperatorScreen
@@ -44,6 +46,8 @@ class PlotActions(OperatorScreen):
         "tracks": "the tracks of the field",
     }
 
+    _sigmas_on_trial: Mapping[int, tuple[float, float]] = MappingProxyType({})
+    """One sigma (east, north) of the lead by frame, arcsec, with the settings on trial."""
     page: Page | None = None
     """The page that lies over the plots; None: the plots are seen."""
     window = PlotWindow()
@@ -69,7 +73,8 @@ class PlotActions(OperatorScreen):
         chosen, of, window = self.chosen_track, self.plotted_track_words, self.window
         night = self.night if chosen is None else night_of_track(self.night, chosen)
         self.pane("confidence").show(partial(panels.confidence_lines, night, window=window))
-        residuals = partial(panels.residual_lines, night, window=window, of=of)
+        on_trial = {} if of else self._sigmas_on_trial
+        residuals = partial(panels.residual_lines, night, window=window, of=of, on_trial=on_trial)
         self.pane("east").show(partial(residuals, "east"))
         self.pane("north").show(partial(residuals, "north"))
         self.pane("nis").show(partial(panels.nis_lines, night, window=window, of=of))
@@ -87,6 +92,12 @@ class PlotActions(OperatorScreen):
             self.pane("curves").show(partial(alignment_lines, night))
         elif self.page == "tracks":
             self.pane("tracks").show(self._track_lines())
+
+    def show_bounds_on_trial(self, sigmas_arcsec: Mapping[int, tuple[float, float]]) -> None:
+        """Show bounds by the settings on trial in the lead's plots; {}: none."""
+        if self._sigmas_on_trial != sigmas_arcsec:
+            self._sigmas_on_trial = sigmas_arcsec
+            self.show_plots()
 
     def _track_lines(self) -> Build:
         """Return the builder of the list of tracks or of their neighbours."""

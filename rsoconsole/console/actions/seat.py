@@ -18,12 +18,14 @@ from rsoconsole.console.dialogs.dialogs import Dialog
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.night.engine_view import EngineView, OrbitPrediction
 from rsoconsole.console.orbit.lines import OrbitPaneContents, orbit_pane_contents, target_words
+from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.panes.last_line import Key
-from rsoconsole.console.panes.panes import FramePane, LinesPane
+from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.console.picture.marks import Mark
 from rsoconsole.console.picture.picture import DrawnPicture, Picture
 from rsoconsole.console.watches.messages import StopNewsCame, call_between_messages
 from rsoconsole.console.words import words
+from rsoconsole.console.words.facts import aim_reason
 from rsoconsole.console.words.leaving import kept_words
 from rsoconsole.console.words.words import frame_clock_utc_ns
 from rsoconsole.control import SUPERSEDED, Command, Outcome, StopNews, mount_words
@@ -166,16 +168,37 @@ class OperatorScreen(Screen[None]):
         """Return the pane of lines with this id."""
         return self.query_one(f"#{name}", LinesPane)
 
+    def picture_panes(self) -> tuple[FramePane, FramePane]:
+        """Return the main picture pane and the one beside it, which is not always visible."""
+        frame, closeup = (self.query_one(name, FramePane) for name in ("#frame", "#closeup"))
+        return (closeup, frame) if closeup.display else (frame, closeup)
+
     @property
     def drawing(self) -> DrawnPicture | None:
-        """The picture of the large pane as it is drawn; None while nothing is drawn."""
-        return self.query_one("#frame", FramePane).drawing
+        """The picture of the main pane as it is drawn; None while nothing is drawn."""
+        return self.picture_panes()[0].drawing
+
+    def look_closely(self) -> None:
+        """Show the close-up in the main pane; does nothing here."""
+
+    @property
+    def is_marking(self) -> bool:
+        """True while a mark is made by hand; False here."""
+        return False
 
     def place_panes(self) -> None:
         """Lay out the panes for the terminal's size; does nothing here."""
 
     def show_picture(self) -> None:
         """Draw the shown frame in both picture panes; does nothing here."""
+
+    def show_bounds_on_trial(self, sigmas_arcsec: Mapping[int, tuple[float, float]]) -> None:
+        """Show bounds by the settings on trial in the plots; does nothing here."""
+
+    @property
+    def aims_by_orbit(self) -> bool:
+        """True where an orbit predicts the next aim."""
+        return aim_reason(self.night, self.engine).startswith("orbit")
 
     def handle_view_change(self) -> None:
         """React to a picture that has moved or shows another part of its frame; does nothing

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.actions.second_press import SETTLES_S, WITHIN_S, TwoPressKeys, has_track
+from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.candidates import RejectDialog
 from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.control import Accept, ChooseStreak, Reject
@@ -127,7 +128,7 @@ class StreakActions:
         seat.app.push_screen(RejectDialog(measured), decided)
 
     def click(self, at: Pointed) -> None:
-        """Choose the streak at the mouse; where that ends a track, name the key to press."""
+        """Choose the streak at the mouse for the key that follows it; nothing is sent yet."""
         seat = self._seat
         streaks, picture = self.streaks(), seat.picture
         if not streaks or picture is None:
@@ -139,11 +140,16 @@ class StreakActions:
             or not seat.check_can_act()
         ):
             return
-        if has_track(seat.engine) and not self.is_followed(pick.streak):
-            self._keep_choice(pick, CLICKED_S)
+        if self.is_followed(pick.streak):
+            seat.say("this streak is followed already")
+            return
+        self._keep_choice(pick, CLICKED_S)
+        if has_track(seat.engine):
             self._twice.show_key_to_press("follow_next", self._track_end_words(pick))
         else:
-            self._choose(pick)
+            key = first_key("follow_next", seat.keymap)
+            within = f"{key} within {CLICKED_S:.0f} s"
+            seat.say(f"{within} follows this streak: not by the mouse", "warn", CLICKED_S)
 
 
 def _away_px(streak: Detection, at: Pointed) -> float:

@@ -1,9 +1,9 @@
 """Keys of the tuning pane: open it, change settings on trial, send them to the engine."""
 
+import math
 import time
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 from rsoconsole.base import ConfigError
 from rsoconsole.config import default_config_path
@@ -12,6 +12,7 @@ from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.tuning.lines import TuneWords, tune_lines
 from rsoconsole.console.tuning.tuning_pane import (
     LAST_FRAMES,
+    TuneFigures,
     TunePane,
     Tuning,
     load_presets,
@@ -21,13 +22,11 @@ from rsoconsole.console.tuning.what_if_watch import (
     WhatIfWatch,
     count_present_settings_frames,
     lead_track_frames,
+    sigmas_by_frame,
 )
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.console.words.tunable import BY_NAME, NAMES, Value
 from rsoconsole.control import MAX_FRAMES, Command, Set
-
-if TYPE_CHECKING:
-    from rsoconsole.night import TrackFigures
 
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5
@@ -41,8 +40,7 @@ class TuneActions:
     def __init__(self, seat: OperatorScreen) -> None:
         self._seat = seat
         self.is_open = False
-        self.figures: tuple[TrackFigures | None, TrackFigures | None] = (None, None)
-        """(figures as recorded, figures with changed settings); None until computed."""
+        self.figures = TuneFigures()
         self.tuning = Tuning()
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
@@ -85,19 +83,37 @@ class TuneActions:
         had_changes = bool(self.tuning.changes)
         self.tuning.see({name: self._seat.night.setting(name) for name in NAMES})
         if had_changes and not self.tuning.changes:
-            self.figures = (self.figures[0], None)
+            self._forget_trial()
             self.request_figures()  # what was tried is in force: its figures are those of the night
-        lines = tune_lines(self.tuning, *self.figures, words=self.words)
-        self.pane.show(lines)
+        self.pane.show(tune_lines(self.tuning, self.figures, words=self.words))
+        then = self.figures.then if self.tuning.changes and self.is_open else None
+        self._seat.show_bounds_on_trial({} if then is None else sigmas_by_frame(then))
+
+    def _forget_trial(self) -> None:
+        self.figures = self.figures._replace(then=None, settled_then=None)
 
     @property
     def words(self) -> TuneWords:
         """The pane's texts: which frames the figures cover, and the keys that it offers."""
-        return TuneWords(of_present=self.frames_with_present_settings())
+        return TuneWords(
+            of_present=self.frames_with_present_settings(),
+            aims_by_orbit=self._seat.aims_by_orbit,
+            learnt=self._learnt_words(),
+        )
+
+    def _learnt_words(self) -> str:
+        """Return what the filter has learnt of the night's noise; empty: nothing."""
+        track = self._seat.night.track
+        if track is None:
+            return ""
+        if track.mixture is not None:
+            wider = math.sqrt(track.mixture.variance_scale)
+            return f"learnt: ±{track.mixture.scatter_s:.2g} s, errors ×{wider:.2g}"
+        return "" if track.q_scale == 1.0 else f"learnt: Q ×{track.q_scale:.2g}"
 
     def frames_with_present_settings(self) -> int | None:
         """Return how many of the figures' frames ran with the settings in force; None: unknown."""
-        now = self.figures[0]
+        now = self.figures.now
         if now is None:
             return None
         return count_present_settings_frames(self._seat.night, now.frames)
@@ -119,16 +135,37 @@ class TuneActions:
         if seat.night.folder is None or seat.night.config is None:
             return
         self._computed_s = time.monotonic()
-        if self._watch is None:
-            self._watch = WhatIfWatch(partial(call_between_messages, seat, self.show_figures))
         until_seq, last = self.figures_scope()
-        self._watch.ask(
+        self._started_watch().ask(
             seat.night.folder,
             seat.night.config,
             self.tuning.changes,
             until_seq=until_seq,
             last=last,
         )
+
+    def _started_watch(self) -> WhatIfWatch:
+        if self._watch is None:
+            between = partial(call_between_messages, self._seat)
+            self._watch = WhatIfWatch(
+                partial(between, self.show_figures), partial(between, self._take_proposal)
+            )
+        return self._watch
+
+    def _propose(self) -> None:
+        """Request the likeliest Q and R of the night so far."""
+        night = self._seat.night
+        if night.folder is None or night.config is None:
+            return
+        self._started_watch().propose(night.folder, night.config)
+        self._seat.say("seeking the likeliest Q and R of this night: up to a minute or two")
+
+    def _take_proposal(self, changes: Mapping[str, Value], words: str) -> None:
+        """Put proposed settings on trial, and say the verdict."""
+        self._seat.say(f"proposal: {words}", "good" if changes else "title")
+        if changes:
+            self.tuning.load({**self.tuning.changes, **changes})
+        self._preview()
 
     def refresh_stale_figures(self) -> None:
         """Request the figures of a visible pane, where the last request is ``EVERY_S`` old."""
@@ -138,14 +175,12 @@ class TuneActions:
         if self.pane.display and is_due:
             self.request_figures()
 
-    def show_figures(
-        self, now: "TrackFigures | None", then: "TrackFigures | None", fault: str
-    ) -> None:
-        """Show figures as recorded (``now``) and with changed settings (``then``), or the fault."""
+    def show_figures(self, figures: TuneFigures, fault: str) -> None:
+        """Show the figures, or the fault where they could not be computed."""
         if fault:
             self._seat.say(fault, "warn")
             return
-        self.figures = (now, then)
+        self.figures = figures
         self.show()
 
     def end_figures_thread(self) -> None:
@@ -165,6 +200,7 @@ class TuneActions:
             "undo": self._undo,
             "save": self._save,
             "load": self._load,
+            "propose": self._propose,
             "close": self.close,
         }[message.what]()
 
@@ -193,7 +229,7 @@ class TuneActions:
         seat.app.push_screen(dialog, decided)
 
     def _preview(self) -> None:
-        self.figures = (self.figures[0], None)
+        self._forget_trial()
         self.show()
         self.request_figures()
 

@@ -286,7 +286,11 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "picture",
     ),
     _on_both(
-        "stretch", "f", "Stretch", "how light becomes grey: streaks, asinh, linear", "picture"
+        "stretch",
+        "f",
+        "Stretch",
+        "field as a chart, or its light: streaks, asinh, linear",
+        "picture",
     ),
     _on_both(
         "give_seat",

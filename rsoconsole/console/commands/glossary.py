@@ -19,7 +19,20 @@ TERMS: tuple[tuple[str, str], ...] = (
     (
         "R",
         "How noisy a measurement is believed to be. Larger: the filter smooths more and relies"
-        " on its prediction. Q× and R× multiply the preset's own values.",
+        " on its prediction. Q× and R× multiply the preset's own values: Q of every motion, R all"
+        " that is believed of a measurement's error.",
+    ),
+    (
+        "learning",
+        "What presets adaptive and tuned learn of the night's noise by themselves. On auto it is"
+        " held as it is while a factor of Q or R is not 1, so that it cannot take the factor back;"
+        " l in the tuning pane changes that.",
+    ),
+    (
+        "gain",
+        "Share of a residual by which an update moves the place: near 0 the filter trusts its"
+        " prediction, near 1 the measurement. The tuning pane says where gain and bounds settle by"
+        " the settings in force and on trial, and after how many frames.",
     ),
     (
         "residual",
@@ -49,8 +62,10 @@ TERMS: tuple[tuple[str, str], ...] = (
     ),
     (
         "3σ bounds",
-        "Small dots in the residual plots. Of one axis they hold 99.7 % of the residuals when Q"
-        " and R are right; the ellipse of both axes in the picture holds 98.9 %.",
+        "The shaded band in the residual plots, where it goes beyond the axis with an open arrow"
+        " at the edge; a dashed line: the bounds by the settings on trial. Of one axis they hold"
+        " 99.7 % of the residuals when Q and R are right; the ellipse of both axes in the picture"
+        " holds 98.9 %.",
     ),
     (
         "σ (sigma)",

@@ -13,6 +13,7 @@ from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.night import NightView
 
 SEEN = "tour-seen"
+OTHER_NIGHTS = "Other nights: rsoconsole demo --list"
 
 
 class TourMemory:
@@ -42,11 +43,12 @@ def intro_text(night: NightView, engine: EngineView, keymap: Mapping[str, str]) 
     if engine.state not in {"SEARCH", "ACQUIRE", "IDLE"}:
         return ""
     if engine.state == "IDLE":
-        return f"Simulated night; {first_key('help', keymap)} explains the screen."
+        help_key = first_key("help", keymap)
+        return f"Simulated night; {help_key} explains the screen. {OTHER_NIGHTS}"
     return (
         "Simulated night: the telescope searches for a satellite that nobody told it about, and"
         f" follows it; the first streak comes soon. {first_key('help', keymap)} explains the"
-        " screen."
+        f" screen. {OTHER_NIGHTS}"
     )
 
 

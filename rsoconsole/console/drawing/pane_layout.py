@@ -17,9 +17,13 @@ WITH_PICTURE = (60, 16)
 ONE_LINE_TOP_COLUMNS = 74
 LOW_LINES = 20
 """Rows of a terminal below which the time line has one row."""
-TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 24, 17, 20
-ORBIT_ROWS = 8
-"""Least rows of the orbit pane where it has a place of its own."""
+TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 26, 24, 16
+TUNE_COLUMNS = 36
+"""Least columns of the tuning pane beside plots."""
+ORBIT_ROWS, ORBIT_COLUMNS = 8, 28
+"""Least rows and columns of the orbit pane where it has a place of its own."""
+PLOTS_SHARE = 0.53
+"""Share of the columns of a large terminal that the plots have, at all rows: half the screen."""
 OPEN_ORBIT_ROWS = 26
 """Most rows of the orbit pane where it is opened over the plots."""
 BANNER_ROWS = {"wide": 3, "narrow": 5}
@@ -93,7 +97,7 @@ def pane_boxes(
     facts_rows = min(3, max(0, y1 - y0))
     middle = Box(x=0, y=y0, width=width, height=max(0, y1 - y0 - facts_rows))
     if has_tuning_column(width, height):
-        _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
+        _three_columns(boxes, Box(x=0, y=y0, width=width, height=y1 - y0))
     elif width >= LARGE[0] and height >= LARGE[1]:
         _large(boxes, Box(x=0, y=y0, width=width, height=y1 - y0), aspect)
     elif width >= FULL[0] and height >= FULL[1]:
@@ -138,7 +142,7 @@ def timeline_rows(height: int) -> int:
 def tune_box(
     width: int, height: int, *, alert_rows: int = 0, timeline_rows: int = 0, aspect: float = 4 / 3
 ) -> Box:
-    """Return the box of the opened tuning pane: right of the picture, over plots and figures.
+    """Return the box of the opened tuning pane: left of the plots, over the pictures.
 
     In the widest layout the pane has a place of its own; in a small terminal it takes all rows
     between the first line and the keys. Arguments as in ``pane_boxes``.
@@ -148,13 +152,13 @@ def tune_box(
     )
     y0, y1 = _rows_above(boxes), height - 1 - timeline_rows
     room = max(y1 - y0, 1)
-    frame = boxes.get("frame")
     if has_tuning_column(width, height):
         sky = boxes["sky"]
         y = sky.y + sky.height
         return Box(x=sky.x, y=y, width=sky.width, height=max(min(OWN_TUNE_ROWS, y1 - y), 1))
-    x = 0 if frame is None or width < FULL[0] else frame.width + 1
-    return Box(x=x, y=y0, width=width - x, height=min(TUNE_ROWS, room))
+    plots = boxes.get("confidence")
+    columns = width if plots is None or not plots.x else max(plots.x - 1, TUNE_COLUMNS)
+    return Box(x=0, y=y0, width=min(columns, width), height=min(TUNE_ROWS, room))
 
 
 def orbit_box(
@@ -168,7 +172,9 @@ def orbit_box(
     boxes = pane_boxes(
         width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect
     )
-    first, last = boxes.get("confidence"), boxes.get("orbit") or boxes.get("nis")
+    first = boxes.get("confidence")
+    below = [boxes[name] for name in ("nis", "orbit") if name in boxes]
+    last = max((b for b in below if first and b.x == first.x), key=lambda b: b.y, default=None)
     if first is None or last is None:
         y0 = _rows_above(boxes)
         return Box(x=0, y=y0, width=width, height=max(height - 1 - timeline_rows - y0, 1))
@@ -207,25 +213,30 @@ def _full(boxes: dict[Name, Box], middle: Box, facts_rows: int, aspect: float) -
 
 
 def _large(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
-    """Lay out the picture over its close-up left; plots, orbit and log right; figures below."""
-    facts_rows = 5
-    rows = all_.height - facts_rows
-    left = _pictures(boxes, all_, rows, int(all_.width * 0.52), aspect)
-    x, columns = left + 1, all_.width - left - 1
-    each, orbit_rows = round(rows * 0.15), max(round(rows * 0.23), ORBIT_ROWS)
-    plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}
-    plots["nis"] = max(round(rows * 0.12), 4)
-    # The log keeps two lines, the times of the plots come after that.
-    plots["axis"] = 1 if rows - sum(plots.values()) - orbit_rows > MIN_LOG_ROWS else 0
-    plots["orbit"] = orbit_rows
-    y = _stacked(boxes, Box(x=x, y=all_.y, width=columns, height=rows), plots)
-    _put(boxes, "log", Box(x=x, y=y, width=columns, height=all_.y + rows - y))
-    _put(boxes, "facts", Box(x=0, y=all_.y + rows, width=all_.width, height=facts_rows))
+    """Lay out the plots in the right half; close-up, field with orbit, figures and log left."""
+    columns = round(all_.width * PLOTS_SHARE)
+    left, x = all_.width - columns - 1, all_.width - columns
+    confidence, nis = round(all_.height * 0.2), round(all_.height * 0.19)
+    each = (all_.height - confidence - nis - 1) // 2
+    plots: dict[Name, int] = {"confidence": all_.height - nis - 1 - 2 * each}
+    plots |= {"east": each, "north": each, "axis": 1, "nis": nis}
+    _stacked(boxes, Box(x=x, y=all_.y, width=columns, height=all_.height), plots)
+    facts_rows, log_rows = 6, max(round(all_.height * 0.1), MIN_LOG_ROWS)
+    field_rows = max(round(all_.height * 0.31), ORBIT_ROWS)
+    closeup_rows = all_.height - facts_rows - log_rows - field_rows
+    y = _stacked(boxes, Box(x=0, y=all_.y, width=left, height=0), {"closeup": closeup_rows})
+    field = _frame_columns(field_rows - 2, aspect, left - ORBIT_COLUMNS - 1)
+    _put(boxes, "frame", Box(x=0, y=y, width=field, height=field_rows))
+    _put(boxes, "orbit", Box(x=field + 1, y=y, width=left - field - 1, height=field_rows))
+    below = Box(x=0, y=y + field_rows, width=left, height=0)
+    _stacked(boxes, below, {"facts": facts_rows, "log": log_rows})
 
 
-def _three_columns(boxes: dict[Name, Box], all_: Box, aspect: float) -> None:
-    """Lay out pictures, plots with the orbit, and a column for figures and log."""
-    left = _pictures(boxes, all_, all_.height, int(all_.width * 0.42), aspect)
+def _three_columns(boxes: dict[Name, Box], all_: Box) -> None:
+    """Lay out close-up and field, plots with the orbit, and a column for figures and log."""
+    left, chart_rows = int(all_.width * 0.42), round(all_.height * 0.43)
+    pictures: dict[Name, int] = {"closeup": all_.height - chart_rows, "frame": chart_rows}
+    _stacked(boxes, Box(x=0, y=all_.y, width=left, height=all_.height), pictures)
     middle = int((all_.width - left - 2) * 0.5)
     each, orbit_rows = round(all_.height * 0.21), round(all_.height * 0.25)
     plots: dict[Name, int] = {"confidence": each, "east": each, "north": each}

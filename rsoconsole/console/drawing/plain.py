@@ -17,14 +17,14 @@ _SIGNS = str.maketrans(
         **dict(zip("│┃┆┊╎║╷╵▌▐▎▍▋▊▉", "|" * 15, strict=True)),
         **dict.fromkeys("┌┐└┘├┤┬┴┼╭╮╰╯╋╔╗╚╝╠╣╦╩╬", "+"),
         **dict(zip("▁▂▃▄▅▆▇█", "_..--=##", strict=True)),
-        **dict(zip("αδστ″′²³°±×·…•∙○●◆☾☼▸✓✗", "adst\"'23o~x.~*.oo#CO>yn", strict=True)),
+        **dict(zip("αδστ″′²³°±×·…•∙○●◉✶◆☾☼▸✓✗", "adst\"'23d~x.~o.o*O*#CO>yn", strict=True)),
         **dict(zip("↑↓←→↗↘↙↖▲▼‹›▔", "^v<>/\\/\\^v<>-", strict=True)),
-        **dict(zip("╍░✎═", "~%n=", strict=True)),
+        **dict(zip("╍░✎═△▽", "~:n=AV", strict=True)),
         **dict(zip("«»▾▴◂▫", "<>v^<.", strict=True)),
-        "▀": "#",
+        **dict(zip("▀╱╲", "#/\\", strict=True)),
     }
 )
-SPELLED = {"±": "+-", "°": "deg", "σ": "sig", "τ": "tau", "α": "RA", "δ": "Dec"}
+SPELLED = {"±": "+-", "σ": "sig", "τ": "tau", "α": "RA", "δ": "Dec"}
 """Signs that ASCII spells out, since a single letter would mean something else."""
 _WIDE_GAP = {n: re.compile(f" {{{n + 1},}}|─{{{n + 2},}}") for n in (1, 2)}
 _RAMP = " .:-=+*#%@"
@@ -60,7 +60,7 @@ def spell_out_signs(texts: Sequence[str]) -> list[str]:
 
     The line keeps its length: the columns that a spelled sign takes come from blanks and rules.
     They are taken right before the sign, so that the text behind keeps its place; else behind the
-    sign, else earlier. Where there are none, the sign becomes one letter as in ``plain``.
+    sign, else earlier, else from the line's end.
     """
     line = "".join(texts)
     owners = [number for number, text in enumerate(texts) for _ in text]
@@ -72,14 +72,12 @@ def spell_out_signs(texts: Sequence[str]) -> list[str]:
         if words is None:
             at += 1
             continue
-        gap = _gap(cells, at, len(words) - 1)
+        gap, more = _gap(cells, at, len(words) - 1), len(words) - 1
         if gap is None:
-            cells[at] = to_ascii(sign), owner
-            at += 1
-            continue
+            gap = len(cells)
         cells[at : at + 1] = [(letter, owner) for letter in words]
-        first = gap if gap < at else gap + len(words) - 1
-        del cells[first : first + len(words) - 1]
+        first = gap if gap < at else min(gap + more, len(cells) - more)
+        del cells[first : first + more]
         at += len(words) if gap > at else 1
     made = [""] * len(texts)
     for letter, owner in cells:
@@ -260,6 +258,7 @@ ConsoleApp.-theme-night FramePane > .frame--coasted { color: #b03020; }
 ConsoleApp.-theme-night FramePane > .frame--now { color: #c83c28; }
 ConsoleApp.-theme-night FramePane > .frame--now_rejected { color: #b83420; }
 ConsoleApp.-theme-night FramePane > .frame--box { color: #8a1a10; }
+ConsoleApp.-theme-night FramePane > .frame--star { color: #a02818; }
 ConsoleApp.-theme-night FramePane > .frame--cursor { color: #e04830; }
 """
 """Colours of the picture's marks in the night theme; they are bright in other themes."""

@@ -24,7 +24,9 @@ VALUE, REFUSED, SHADE, GHOST, CHANGED = "●", "×", "░", "╌", "│"
 VALUE_BEYOND, BOUND_BEYOND = "▼▲", "▽△"
 """Arrows of a value and of a bound beyond the axis, below and above."""
 _FINE = "braille"
-"""Marker of plotext for values in plots of one row: four dots high in a cell."""
+"""Marker of plotext for values in low plots: four dots high in a cell."""
+_LOW_ROWS = 4
+"""Most rows of a plot whose values have their place within a cell."""
 MIN_FOR_STRAYS, USUAL_SHARE, STRAY_TIMES = 5, 0.8, 5.0
 """Least number of values, share that sets the axis, factor on it beyond which one is a stray."""
 _NEWEST = 5
@@ -56,6 +58,8 @@ class PlotColumn:
     """Sign shown instead of a value, as for a miss or a coasted frame."""
     refused: float | None = None
     """Confidence of a streak that was not accepted; None: there is none."""
+    limit: float | None = None
+    """Confidence from which on a detection counts."""
     change: str = ""
     """Words for parameters that were changed before this exposure."""
 
@@ -77,15 +81,15 @@ class Canvas:
         """Fill a column's cells from 0 to a value with a sign, as far as the axis goes."""
         self._add(column, self._clipped(value), (sign, ink, True))
 
-    def put_value(self, column: int, value: float, ink: Ink, sign: str = VALUE) -> None:
+    def put_value(self, column: int, value: float, ink: Ink) -> None:
         """Draw a value; beyond the axis as an arrow."""
         arrow = self._arrow(value, VALUE_BEYOND)
-        if sign != _FINE or arrow:
-            self.put(column, value, arrow or sign, ink)
+        if self.rows > _LOW_ROWS or arrow:
+            self.put(column, value, arrow or VALUE, ink)
             return
         for half in (2 * column, 2 * column + 1):
             place = half * (self.columns - 1) / (2 * self.columns - 1)
-            self._add(place, value, (sign, ink, False))
+            self._add(place, value, (_FINE, ink, False))
 
     def put_band(self, column: int, bound: float) -> None:
         """Shade a column between minus and plus a bound; arrows where it leaves the axis."""
@@ -171,21 +175,27 @@ def residual_plot(columns: Sequence[PlotColumn], width: int, rows: int) -> list[
     limit = residual_axis_limit(shown)
     canvas = Canvas(width - AXIS_COLUMNS, rows, -limit, limit)
     _draw_residuals(canvas, shown)
-    labels = {limit: _figure(limit), -limit: _figure(-limit)}
+    labels = {limit: _angle(limit), -limit: f"-{_angle(limit)}"}
     if rows % 2 and rows > 1:
         labels[0.0] = "0"
     return canvas.lines(labels)
 
 
 def confidence_plot(columns: Sequence[PlotColumn], tau: float, width: int, rows: int) -> list[Line]:
-    """Plot confidences between 0 and 1, tau as a line, misses as signs at 0.
+    """Plot confidences between 0 and 1, tau of each frame as a line, misses as signs at 0.
 
-    ``width``: cells, the axis included.
+    ``tau``: in force now. ``width``: cells, the axis included.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     canvas = Canvas(width - AXIS_COLUMNS, rows, 0.0, 1.0)
-    for column in range(canvas.columns):
-        canvas.put(column, tau, GHOST, "dim")
+    placed = _placed(canvas, shown)
+    limits = [tau if what.limit is None else what.limit for _, _, what in placed]
+    before = placed[0][0] if placed else canvas.columns
+    spans = [(0, before, limits[0] if limits else tau)]
+    spans += [(at, cells, limit) for (at, cells, _), limit in zip(placed, limits, strict=True)]
+    for at, cells, limit in spans:
+        for column in range(at, at + cells):
+            canvas.put(column, limit, GHOST, "dim")
     _draw_confidences(canvas, shown, tau)
     labels = {1.0: "1", 0.0: "0"}
     if rows > 2 and canvas.row_of(tau) not in {0, rows - 1}:
@@ -244,7 +254,7 @@ def residual_strip(columns: Sequence[PlotColumn], width: int) -> Line:
     limit = residual_axis_limit(shown)
     canvas = Canvas(width, 1, -limit, limit)
     for at, _, what in _placed(canvas, shown):
-        _draw_residual(canvas, at, what, _FINE)
+        _draw_residual(canvas, at, what)
     return canvas.lines()[0]
 
 
@@ -252,7 +262,7 @@ def confidence_strip(columns: Sequence[PlotColumn], tau: float, width: int) -> L
     """Plot confidences in one row, without an axis."""
     shown = list(columns)[-max(width, 0) :]
     canvas = Canvas(width, 1, 0.0, 1.0)
-    _draw_confidences(canvas, shown, tau, _FINE)
+    _draw_confidences(canvas, shown, tau)
     return canvas.lines()[0]
 
 
@@ -311,10 +321,10 @@ def _draw_residuals(canvas: Canvas, shown: Sequence[PlotColumn]) -> None:
         _draw_residual(canvas, at, what)
 
 
-def _draw_residual(canvas: Canvas, at: int, what: PlotColumn, sign: str = VALUE) -> None:
+def _draw_residual(canvas: Canvas, at: int, what: PlotColumn) -> None:
     if what.value is not None:
         is_outside = what.bound is not None and abs(what.value) > what.bound
-        canvas.put_value(at, what.value, "alarm" if is_outside else "good", sign)
+        canvas.put_value(at, what.value, "alarm" if is_outside else "good")
     elif what.mark:
         canvas.put(at, 0.0, what.mark, "warn")
 
@@ -336,15 +346,14 @@ def _draw_changes(canvas: Canvas, placed: Sequence[tuple[int, int, PlotColumn]])
             free = left + len(what.change) + 1
 
 
-def _draw_confidences(
-    canvas: Canvas, shown: Sequence[PlotColumn], tau: float, sign: str = VALUE
-) -> None:
+def _draw_confidences(canvas: Canvas, shown: Sequence[PlotColumn], tau: float) -> None:
     placed = _placed(canvas, shown)
     _draw_changes(canvas, placed)
     for at, _, what in placed:
         if what.value is not None:
-            ink: Ink = "good" if what.value >= tau else "warn"
-            canvas.put_value(at, min(what.value, 1.0), ink, sign)
+            limit = tau if what.limit is None else what.limit
+            ink: Ink = "good" if what.value >= limit else "warn"
+            canvas.put_value(at, min(what.value, 1.0), ink)
         if what.mark:
             canvas.put(at, 0.0, what.mark, "warn")
         if what.refused is not None and (
@@ -366,12 +375,21 @@ def cells_per_frame(columns: int, frames: int) -> int:
 
 
 def _round_up(value: float) -> float:
-    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten, in the unit of `_angle`."""
     if value <= 0.0 or not math.isfinite(value):
         return 1.0
-    power = 10.0 ** math.floor(math.log10(value))
+    unit = next((size for size in (3600.0, 60.0) if value > 2.5 * size), 1.0)
+    power = 10.0 ** math.floor(math.log10(value / unit)) * unit
     steps = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
     return next(step * power for step in steps if value <= step * power * (1 + 1e-9))
+
+
+def _angle(value_arcsec: float) -> str:
+    """Return an angle in at most four cells; without a unit: arcsec."""
+    for size, unit in ((3600.0, "°"), (60.0, "′")):
+        if value_arcsec >= 3.0 * size:
+            return f"{value_arcsec / size:.3g}{unit}"
+    return f"{value_arcsec:.3g}".removeprefix("0")
 
 
 def _figure(value: float) -> str:

@@ -2,9 +2,15 @@
 
 from rsoconsole.console.frame._sheet import FrameScreenState, readout_parts, title_parts
 from rsoconsole.console.frame._sheet_marks import marks_beyond_streak_ends, reprocessed_frame_marks
-from rsoconsole.console.panes.panes import SIGHTS, FramePane, Sight
+from rsoconsole.console.panes.frame_pane import SIGHTS, FramePane, Sight
 from rsoconsole.console.picture.marks import Mark
-from rsoconsole.console.picture.picture import DrawnPicture, LightImage, Picture, greys
+from rsoconsole.console.picture.picture import (
+    STRETCHES,
+    DrawnPicture,
+    LightImage,
+    Picture,
+    greys,
+)
 
 MAX_FINER = 4
 """Most pixels of the picture along a square in graphics: more cost time and show nothing."""
@@ -16,16 +22,22 @@ class SheetPane(FramePane):
     def __init__(self, sheet: FrameScreenState, *, id: str | None = None) -> None:  # noqa: A002 -- as all widgets have it
         super().__init__(self._said, id=id)
         self._sheet = sheet
+        self._is_sight_chosen = False
 
     def redraw(self) -> None:
         """Draw the frame again after its state has changed."""
         sheet = self._sheet
+        self._look = sheet.stretch
         if sheet.pixels is None and sheet.opened is not None:
-            self.picture, self._stretch = sheet.opened.preview, sheet.stretch
+            preview = self.picture = sheet.opened.preview
+            self._look = "chart" if sheet.stretch == STRETCHES[0] else sheet.stretch
+            if not self._is_sight_chosen and preview is not None and preview.closeup is not None:
+                self._sight = "close-up"
         self._redraw()
 
     def show_next_view(self) -> None:
         """Show the next view of the session's small pictures."""
+        self._is_sight_chosen = True
         self._sight = SIGHTS[(SIGHTS.index(self._sight) + 1) % len(SIGHTS)]
         self._redraw()
 

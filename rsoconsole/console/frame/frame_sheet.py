@@ -19,7 +19,12 @@ from rsoconsole.console.frame._sheet import FrameScreenState, cross_step_px, mar
 from rsoconsole.console.frame._sheet_marks import lead_place_px
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.frame._sheet_panel import panel_lines
-from rsoconsole.console.frame.sheet_actions import SAID_S, FrameScreenActions, MarkCallbacks
+from rsoconsole.console.frame.sheet_actions import (
+    SAID_S,
+    FrameScreenActions,
+    MarkCallbacks,
+    view_of_streak,
+)
 from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.panes.last_line import (
     Key,
@@ -171,8 +176,7 @@ class FrameSheet(FrameScreenActions):
                 if before is not None and (before.width_px, before.height_px) == (width, height):
                     sheet.view = before.resized(*self.picture.room)
                 elif sheet.candidates:
-                    likeliest = sheet.candidates[0].latest_detection
-                    sheet.view = sheet.view.at(likeliest.x_px, likeliest.y_px)
+                    sheet.view = view_of_streak(sheet.view, sheet.candidates[0].latest_detection)
                 self.process()
             case FrameProcessed():
                 sheet.done, sheet.failure = news, ""

@@ -13,10 +13,10 @@ from rsoconsole.console.frame._sheet import FrameScreenState, cross_step_words
 from rsoconsole.console.frame._sheet_pane import SheetPane
 from rsoconsole.console.picture.marking import FAR, MOVES
 from rsoconsole.console.picture.picture import STRETCHES
-from rsoconsole.console.picture.sheet_pixels import STEPS
+from rsoconsole.console.picture.sheet_pixels import STEPS, ZoomedFrame
 from rsoconsole.console.watches.messages import Pointed
 from rsoconsole.control import MarkByHand
-from rsoconsole.records import MapMode
+from rsoconsole.records import Detection, MapMode
 
 FINEST_MARK_PX = 1.0
 SAID_S = 4.0
@@ -39,6 +39,15 @@ class MarkCallbacks:
 
 ROOM_PX = 20.0
 """Pixels in view beyond both ends of the chosen candidate."""
+
+
+def view_of_streak(view: ZoomedFrame, streak: Detection) -> ZoomedFrame:
+    """Return the view moved to a streak; a view of the whole field also zooms in on it."""
+    there = view.at(streak.x_px, streak.y_px)
+    if there.zoom is not None:
+        return there
+    wide, high = abs(streak.x_b_px - streak.x_a_px), abs(streak.y_b_px - streak.y_a_px)
+    return there.zoomed_to_fit(wide + 2.0 * ROOM_PX, high + 2.0 * ROOM_PX)
 
 
 class FrameScreenActions(Screen[None]):
@@ -144,12 +153,7 @@ class FrameScreenActions(Screen[None]):
             return
         sheet.chosen = 0 if sheet.chosen is None else (sheet.chosen + 1) % count
         if sheet.view is not None:
-            streak = sheet.candidates[sheet.chosen].latest_detection
-            view = sheet.view.at(streak.x_px, streak.y_px)
-            if view.zoom is None:
-                wide, high = abs(streak.x_b_px - streak.x_a_px), abs(streak.y_b_px - streak.y_a_px)
-                view = view.zoomed_to_fit(wide + 2.0 * ROOM_PX, high + 2.0 * ROOM_PX)
-            sheet.view = view
+            sheet.view = view_of_streak(sheet.view, sheet.candidates[sheet.chosen].latest_detection)
         self.show()
 
     # -- a mark by hand ------------------------------------------------------------------------

@@ -5,7 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from rsoconsole.console.drawing.plot import TrackInk
-from rsoconsole.console.drawing.track_marks import NumberedTrack, place_track_numbers, track_ink
+from rsoconsole.console.drawing.track_marks import (
+    CELL_HEIGHT,
+    NumberedTrack,
+    place_track_numbers,
+    track_ink,
+)
 from rsoconsole.night import FrameTrack, NightFrame, is_measurement_of, uncertainty_ellipse_px
 from rsoconsole.records import Detection, Measurement, Solution, TrackState
 from rsoconsole.sky import sky_to_pixel
@@ -16,6 +21,7 @@ SHOWN_REJECTED = 0.01
 """Confidence from which on a rejected candidate has a mark: lower ones are noise."""
 
 MarkKind = Literal[
+    "star",
     "box",
     "rejected",
     "predicted",
@@ -31,7 +37,8 @@ MarkKind = Literal[
 ]
 """Kind of a mark, in the order in which they are written: the last one stays. ``member``: of
 another track than the lead; ``coasted``: of a track that is not in this frame; ``now``,
-``now_rejected``: of a frame processed again; ``box``: the network's; ``TrackInk``: of a number."""
+``now_rejected``: of a frame processed again; ``box``: the network's; ``star``: of a chart;
+``TrackInk``: of a track's number."""
 _ORDER: tuple[MarkKind, ...] = get_args(MarkKind)
 
 _BRACKETS: dict[MarkKind, tuple[str, str]] = {
@@ -47,6 +54,8 @@ COASTED = "○"
 """Sign before the number of a track that the frame does not show."""
 _SHORT_COLUMNS = 4
 """Columns up to which a streak's signs are in one row; a longer streak has them at its ends."""
+FLAT = math.tan(math.radians(22.5))
+"""Slope of a streak up to which it is drawn as a level line, or a line upright."""
 MAX_STEPS = 2000
 """Most cells that are computed along a streak: no terminal has more."""
 
@@ -189,17 +198,24 @@ def _mark_at(track: TrackState, detail: NightFrame, kind: MarkKind) -> Mark | No
 
 
 def mark_characters(
-    marks: tuple[Mark, ...], window: Window, *, has_rejected: bool = False
+    marks: tuple[Mark, ...],
+    window: Window,
+    *,
+    has_rejected: bool = False,
+    has_lines: bool = False,
 ) -> Cells:
     """Return the characters that the marks write over a picture.
 
     Signs stand beside the streaks, whose own cells stay free. ``has_rejected``: True where rejected
-    candidates have signs too.
+    candidates have signs too. ``has_lines``: True where the streaks are drawn as lines.
     """
     shown = [mark for mark in marks if mark.kind != "rejected" or has_rejected]
     streaks = _streak_cells(shown, window)
     cells: Cells = {}
     for mark in sorted(shown, key=lambda m: _ORDER.index(m.kind)):
+        if has_lines:
+            line = _line_sign(mark, window), mark.kind
+            cells |= dict.fromkeys(filter(lambda at: window.has(*at), _line(mark, window)), line)
         centre = window.cell(mark.x_px, mark.y_px)
         for point in mark.outline_px:
             at = window.cell(*point)
@@ -225,19 +241,35 @@ def _number_of(mark: Mark, window: Window) -> NumberedTrack:
 
 def _streak_cells(marks: list[Mark], window: Window) -> dict[tuple[int, int], bool]:
     """Return the cells along each streak -> whether the streak runs rather across than down."""
-    cells: dict[tuple[int, int], bool] = {}
-    for mark in marks:
-        if mark.ends_px is None:
-            continue
-        (xa, ya), (xb, yb) = mark.ends_px
-        (column_a, row_a), (column_b, row_b) = window.cell(xa, ya), window.cell(xb, yb)
-        is_across = abs(column_b - column_a) >= abs(row_b - row_a)
-        count = min(max(abs(column_b - column_a), abs(row_b - row_a)), MAX_STEPS) * 2 + 1
-        for step in range(count + 1):
-            share = step / count
-            at = window.cell(xa + share * (xb - xa), ya + share * (yb - ya))
-            cells[at] = is_across
-    return cells
+    return {at: is_across for mark in marks for at, is_across in _line(mark, window).items()}
+
+
+def _line(mark: Mark, window: Window) -> dict[tuple[int, int], bool]:
+    """Return the cells along a mark's streak, as ``_streak_cells``; empty where it has none."""
+    if mark.ends_px is None:
+        return {}
+    (xa, ya), (xb, yb) = mark.ends_px
+    (column_a, row_a), (column_b, row_b) = window.cell(xa, ya), window.cell(xb, yb)
+    is_across = abs(column_b - column_a) >= abs(row_b - row_a)
+    count = min(max(abs(column_b - column_a), abs(row_b - row_a)), MAX_STEPS) * 2 + 1
+    shares = (step / count for step in range(count + 1))
+    return {
+        window.cell(xa + share * (xb - xa), ya + share * (yb - ya)): is_across for share in shares
+    }
+
+
+def _line_sign(mark: Mark, window: Window) -> str:
+    """Return the sign of a streak's line by its direction on the screen."""
+    if mark.ends_px is None:
+        return ""
+    (xa, ya), (xb, yb) = mark.ends_px
+    across = (xb - xa) / window.width_px * window.columns
+    down = (yb - ya) / window.height_px * window.rows * CELL_HEIGHT
+    if abs(down) <= abs(across) * FLAT:
+        return "─"
+    if abs(across) <= abs(down) * FLAT:
+        return "│"
+    return "╲" if (across > 0) == (down > 0) else "╱"
 
 
 def _signs(
@@ -255,6 +287,8 @@ def _signs(
             return [(column, row, "+")] if centre not in streaks else []
         case "box":
             return []
+        case "star":
+            return [(column, row, mark.label)]
     return _streak_signs(mark, centre, window)
 
 

@@ -4,7 +4,7 @@ A cell is two squares high. The session keeps a small picture of the whole frame
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,8 +14,8 @@ import numpy.typing as npt
 from rsoconsole.console.drawing.blocks import QUADRANTS, BlockSet
 from rsoconsole.console.picture.marks import Mark, Window, frame_marks
 from rsoconsole.night import NightFrame
-from rsoconsole.records import Closeup
-from rsoconsole.session import SessionReader
+from rsoconsole.records import ChartStar, Closeup
+from rsoconsole.session import SessionReader, decode_preview_stars
 
 GREYS = 24
 """Steps of grey: enough for the eye, few enough that neighbouring cells share one."""
@@ -24,8 +24,10 @@ FLOOR = 0.08
 
 SKY_BLOCK_PX = 24
 NOISE_SIGMAS = 6.0
-DARK_PERCENT, BRIGHT_PERCENT = 65.0, 99.7
+DARK_PERCENT, BRIGHT_PERCENT = 50.0, 99.7
 BRIGHTEST_SHARE = 0.5
+LOOSE = 1.2
+"""Most by which a chart is drawn wider or higher than the frame's shape: terminals differ by it."""
 MARGIN = 1.3
 """Size of a close-up as a factor on the size of its streak."""
 
@@ -34,6 +36,9 @@ LightImage = npt.NDArray[np.float32]
 
 Stretch = Literal["streaks", "asinh", "linear"]
 STRETCHES: tuple[Stretch, ...] = ("streaks", "asinh", "linear")
+Look = Literal["chart"] | Stretch
+LOOKS: tuple[Look, ...] = ("chart", *STRETCHES)
+"""Ways to draw the field: as a chart of its stars, or its pixels by one of the stretches."""
 _PERCENT: dict[Stretch, tuple[float, float]] = {
     "streaks": (DARK_PERCENT, BRIGHT_PERCENT),
     "asinh": (2.0, 99.8),
@@ -61,6 +66,13 @@ class Picture:
     """The close-up: a part of the frame at full resolution; None: none is kept."""
     place: Closeup | None = None
     """Where in the frame the close-up is; None: none is kept."""
+    stars: tuple[ChartStar, ...] | None = None
+    """The frame's brightest stars; None: not known, so there is no chart."""
+
+    @property
+    def has_chart(self) -> bool:
+        """True where the field can be drawn as a chart."""
+        return self.stars is not None and self.detail.detections is not None
 
     @property
     def aspect(self) -> float:
@@ -80,18 +92,26 @@ class DrawnPicture:
     """Pixels of the frame along a square: across a cell, or down half a cell."""
 
 
-def read_preview(path: Path) -> ByteImage | None:
-    """Read a small picture of a session, (height, width); None where it cannot be read (yet)."""
+def decode_preview(coded: bytes) -> ByteImage | None:
+    """Decode a small picture of a session, (height, width); None where it is not whole (yet)."""
     import cv2
 
     try:
-        coded = np.frombuffer(path.read_bytes(), np.uint8)
-        pixels: Any = cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE) if coded.size else None
-    except (OSError, cv2.error):
+        given = np.frombuffer(coded, np.uint8)
+        pixels: Any = cv2.imdecode(given, cv2.IMREAD_GRAYSCALE) if given.size else None
+    except cv2.error:
         return None
     if pixels is None or min(pixels.shape) < SKY_BLOCK_PX:
         return None
     return np.asarray(pixels, np.uint8)
+
+
+def _read(path: Path | None) -> bytes:
+    """Return a file's bytes; empty where there is none, or it cannot be read (yet)."""
+    try:
+        return b"" if path is None else path.read_bytes()
+    except OSError:
+        return b""
 
 
 def preview_light(codes: ByteImage) -> LightImage:
@@ -121,17 +141,40 @@ def draw_field(
     picture: Picture, stretch: Stretch, columns: int, rows: int, blocks: BlockSet = QUADRANTS
 ) -> DrawnPicture:
     """Draw the whole frame, as large as its shape allows in ``columns`` x ``rows`` cells."""
-    columns, rows = cells_for_aspect(picture.aspect, columns, rows)
-    light = _field_light(picture, stretch)
-    found = picture.detail.detections
-    size = (found.width_px, found.height_px) if found is not None else light.shape[::-1]
-    window = Window.at((-0.5, -0.5), (float(size[0]), float(size[1])), (columns, rows))
+    window = _field_window(picture, columns, rows)
+    light = _reduced(_field_light(picture, stretch), window.columns, window.rows, blocks)
     return DrawnPicture(
-        greys=greys(scale_to_brightness(_reduced(light, columns, rows, blocks), stretch)),
+        greys=greys(scale_to_brightness(light, stretch)),
         blocks=blocks,
         window=window,
-        px_per_square=window.width_px / columns,
+        px_per_square=window.width_px / window.columns,
     )
+
+
+def draw_empty_field(
+    picture: Picture, columns: int, rows: int, blocks: BlockSet = QUADRANTS
+) -> DrawnPicture:
+    """Draw the whole frame as dark sky alone, for the signs of a chart.
+
+    It fills the cells where they have about the frame's shape.
+    """
+    window = _field_window(picture, columns, rows)
+    if columns <= window.columns * LOOSE and rows <= window.rows * LOOSE:
+        window = replace(window, columns=columns, rows=rows)
+    size = window.rows * blocks.down, window.columns * blocks.across
+    return DrawnPicture(
+        greys=greys(np.full(size, FLOOR, np.float32)),
+        blocks=blocks,
+        window=window,
+        px_per_square=window.width_px / window.columns,
+    )
+
+
+def _field_window(picture: Picture, columns: int, rows: int) -> Window:
+    found = picture.detail.detections
+    cells = cells_for_aspect(picture.aspect, columns, rows)
+    size = (found.width_px, found.height_px) if found is not None else picture.codes.shape[::-1]
+    return Window.at((-0.5, -0.5), (float(size[0]), float(size[1])), cells)
 
 
 def draw_closeup(
@@ -159,11 +202,10 @@ def draw_closeup(
     columns, rows = min(columns, width // n), min(rows, height // (2 * n))
     x0, y0 = (width - n * columns) // 2, (height - 2 * n * rows) // 2
     piece = codes[y0 : y0 + 2 * n * rows, x0 : x0 + n * columns]
-    shown = "asinh" if stretch == "streaks" else stretch
-    light = _light(piece, shown)
+    light = _light(piece, stretch)
     corner_px = place.x0_px + x0 - 0.5, place.y0_px + y0 - 0.5
     window = Window.at(corner_px, (float(n * columns), float(2 * n * rows)), (columns, rows))
-    made = greys(scale_to_brightness(_reduced(light, columns, rows, blocks), shown))
+    made = greys(scale_to_brightness(_reduced(light, columns, rows, blocks), stretch))
     return DrawnPicture(greys=made, blocks=blocks, window=window, px_per_square=float(n))
 
 
@@ -238,7 +280,6 @@ def drawn_brightness(
         x0 = round(window.x0_px + 0.5 - picture.place.x0_px)
         y0 = round(window.y0_px + 0.5 - picture.place.y0_px)
         rows, columns = round(window.height_px), round(window.width_px)
-        stretch = "asinh" if stretch == "streaks" else stretch
         light = _light(picture.closeup[y0 : y0 + rows, x0 : x0 + columns], stretch)
     return scale_to_brightness(light, stretch)
 
@@ -257,8 +298,8 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
 
     Raises SessionError.
     """
-    path = reader.preview_path(frame_id)
-    codes = read_preview(path) if path is not None else None
+    coded = _read(reader.preview_path(frame_id))
+    codes = decode_preview(coded)
     if codes is None:
         return None
     return Picture(
@@ -269,6 +310,7 @@ def read_picture(reader: SessionReader, frame_id: int, detail: NightFrame) -> Pi
         marks=frame_marks(detail),
         closeup=read_closeup(reader, detail),
         place=detail.closeup,
+        stars=decode_preview_stars(coded),
     )
 
 
@@ -276,5 +318,4 @@ def read_closeup(reader: SessionReader, detail: NightFrame) -> ByteImage | None:
     """Read a frame's close-up; None where none is kept, or not yet. Raises SessionError."""
     if detail.closeup is None:
         return None
-    path = reader.closeup_path(detail.closeup.frame_id)
-    return read_preview(path) if path is not None else None
+    return decode_preview(_read(reader.closeup_path(detail.closeup.frame_id)))

@@ -1,5 +1,6 @@
 """Where a screen's panes are, its line of keys and its alert."""
 
+from dataclasses import replace
 from typing import ClassVar
 
 from textual.events import Click
@@ -41,6 +42,19 @@ def _put(widget: Widget, box: Box | None) -> None:
         widget.styles.width, widget.styles.height = box.width, box.height
 
 
+BESIDE_TUNING: tuple[Name, ...] = ("confidence", "east", "north", "axis", "nis", "facts", "log")
+"""Panes that go on beside the tuning pane where it would cover a part of them."""
+
+
+def _beside(tune: Box, box: Box) -> Box:
+    """Return the part of a box right of the tuning pane, where that covers its left."""
+    x = tune.x + tune.width + 1
+    is_beside = box.y < tune.y + tune.height and tune.y < box.y + box.height
+    if not is_beside or not box.x < x < box.x + box.width or tune.x > box.x:
+        return box
+    return replace(box, x=x, width=box.x + box.width - x)
+
+
 class PanePlacement(TrackActions):
     """Lays out a screen's panes; alert and notice take rows from the panes beside them."""
 
@@ -76,26 +90,22 @@ class PanePlacement(TrackActions):
         is_orbit_over = self.is_orbit_open and not self.is_log_open
         self.pane("orbit").set_class(is_orbit_over, "-open")
         _put(self.pane("orbit"), over_plots if is_orbit_over else boxes.get("orbit"))
-        has_own_tune = has_tuning_column(width, height)
-        is_tune_over = self.tune.is_open and not has_own_tune
-        self.place_page(
-            over_plots, is_covered=self.is_log_open or self.is_orbit_open or is_tune_over
-        )
-        is_tune_seen = (self.tune.is_open or has_own_tune) and not self.is_log_open
+        self.place_page(over_plots, is_covered=self.is_log_open or self.is_orbit_open)
+        is_tune_seen = self.tune.is_open or has_tuning_column(width, height)
+        is_tune_seen = is_tune_seen and not self.is_log_open
         _put(self.tune.pane, tune_place if is_tune_seen else None)
-        facts = boxes.get("facts")
-        if is_tune_seen and facts is not None:
-            self._end_facts_before(tune_place, facts)
+        if is_tune_seen:
+            for name in BESIDE_TUNING:
+                if name in boxes:
+                    _put(self.query_one(f"#{name}"), _beside(tune_place, boxes[name]))
         banner, box = self.query_one("#stop"), banner_box(width, height, alert_rows=alert_rows)
         banner.styles.height = box.height
         banner.styles.offset = (0, box.y)
+        log = boxes.get("log")
+        if self.is_log_open and banner.display and log is not None and log.height > box.height:
+            rows = box.y + box.height - log.y
+            _put(self.query_one("#log"), replace(log, y=log.y + rows, height=log.height - rows))
         self._place_keys()
-
-    def _end_facts_before(self, tune: Box, facts: Box) -> None:
-        """End the figures left of the tuning pane where they would reach beneath it."""
-        is_beneath = facts.x < tune.x < facts.x + facts.width
-        if is_beneath and facts.y < tune.y + tune.height and tune.y < facts.y + facts.height:
-            self.query_one("#facts").styles.width = tune.x - facts.x
 
     # -- the alert ------------------------------------------------------------------------------
 

@@ -134,9 +134,8 @@ class ReviewTuneActions(TuneActions):
         frames = "all frames so far" if self._is_of_all else "{count} frames to here"
         scope = first_key("tune_scope", self._seat.keymap)
         which = "the last frames" if self._is_of_all else "all frames"
-        return TuneWords(
+        return super().words._replace(
             frames=frames,
-            of_present=self.frames_with_present_settings(),
             keys=f"{scope} {which}  u undo  w save  o load",
         )
 

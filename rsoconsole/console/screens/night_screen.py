@@ -13,9 +13,10 @@ from rsoconsole.console.actions.tune_actions import TuneActions
 from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.drawing.pane_layout import Name
 from rsoconsole.console.orbit.lines import orbit_lines
+from rsoconsole.console.panes.frame_pane import FramePane
 from rsoconsole.console.panes.last_line import Mode
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.panes.panes import FramePane, LinesPane, StopBanner
+from rsoconsole.console.panes.panes import LinesPane, StopBanner
 from rsoconsole.console.screens._message_list import MessageActions
 from rsoconsole.console.screens._opening_actions import OpeningActions
 from rsoconsole.console.screens._pane_places import PanePlacement
@@ -202,6 +203,8 @@ class NightScreen(PanePlacement, PictureActions, MessageActions, OpeningActions)
         super().show_stop(news)
         self.show_top()
         self.query_one("#stop", StopBanner).display = news is not None
+        if self.is_log_open:
+            self.place_panes()
         self.show_stop_words()
 
     def show_stop_words(self) -> None:
@@ -263,7 +266,7 @@ class NightScreen(PanePlacement, PictureActions, MessageActions, OpeningActions)
 
     def is_picture_covered(self) -> bool:
         """True where the open orbit pane lies over the picture."""
-        picture, orbit = self.query_one("#frame"), self.pane("orbit")
+        picture, orbit = self.picture_panes()[0], self.pane("orbit")
         is_there = self.is_orbit_open and picture.display
         return is_there and orbit.region.overlaps(picture.region)
 

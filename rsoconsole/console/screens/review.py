@@ -18,9 +18,10 @@ from rsoconsole.console.dialogs.ask import LineDialog
 from rsoconsole.console.drawing.pane_layout import Name
 from rsoconsole.console.drawing.plot import Line
 from rsoconsole.console.orbit.lines import target_words
+from rsoconsole.console.panes.frame_pane import FramePane, Sight
 from rsoconsole.console.panes.last_line import Key, Mode, review_keys
 from rsoconsole.console.panes.log_pane import LogPane
-from rsoconsole.console.panes.panes import FramePane, MomentField, Sight, TimelinePane
+from rsoconsole.console.panes.panes import MomentField, TimelinePane
 from rsoconsole.console.picture.picture import DrawnPicture, Picture
 from rsoconsole.console.screens._compare import ReviewComparison
 from rsoconsole.console.screens._pane_places import frame_aspect
@@ -30,6 +31,7 @@ from rsoconsole.console.screens.night_screen import NightScreen
 from rsoconsole.console.timeline.lines import recorded_engine_view, review_top_lines, timeline_lines
 from rsoconsole.console.timeline.moments import Moment, ReviewWatch
 from rsoconsole.console.timeline.timeline import Player, Timeline
+from rsoconsole.console.tuning.tuning_pane import TuneFigures
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.night import LogLine, NightView
 
@@ -171,7 +173,7 @@ class ReviewScreen(ReviewComparison):
 
     def _compute_here(self) -> None:
         """Clear the tuning pane's figures of another moment; compute those of this one later."""
-        self.tune.figures = (None, None)
+        self.tune.figures = TuneFigures()
         self.tune.show()
         if not self.player.is_playing:
             self._when_it_stays(

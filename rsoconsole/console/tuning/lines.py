@@ -1,27 +1,21 @@
 """The tuning pane's lines: settings, figures as recorded and with changes, comparison. Pure."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from rsoconsole.console.drawing.plot import Ink, Line
-from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, Tuning
-from rsoconsole.console.words.tunable import Tunable
+from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, TuneFigures, Tuning
+from rsoconsole.console.words.tunable import LEARNING, Tunable
 from rsoconsole.console.words.words import cut_to_width, draw_rule, wrap_to_rows
 from rsoconsole.night import merit
+from rsoconsole.tracking import Settled
+from rsoconsole.words import short_figure
 
-if TYPE_CHECKING:
-    from rsoconsole.night import TrackFigures
-
-LABEL_COLUMNS, VALUE_COLUMNS = 16, 10
-CURVE_ROWS, CURVE_LABEL, MIN_SETTINGS = 2, 17, 6
-"""Rows of the curves, columns before them, and least settings in view beside the curves."""
-MIN_BESIDE = 3
-"""Least settings in view beside the cautions."""
-BARS = "▁▂▃▄▅▆▇█"
+LABEL_COLUMNS, VALUE_COLUMNS = 13, 11
+MIN_SETTINGS = 5
+"""Least settings in view beside the figures."""
 ALIKE_LOG_L = 2.0
 """Least difference of log L over all frames for one of the settings to be called better."""
-UNLIKELY_NIS = 9.21
-"""NIS that a sound filter exceeds in one update of a hundred."""
 
 
 class TuneWords(NamedTuple):
@@ -31,44 +25,41 @@ class TuneWords(NamedTuple):
     """Which frames the figures cover; ``{count}`` stands for their number."""
     of_present: int | None = None
     """How many of those frames ran with the settings in force now; None: not known."""
-    keys: str = "0-9 type  enter apply  u undo  w save  o load"
+    aims_by_orbit: bool = False
+    """True where the orbit aims the telescope: Q then moves the bounds alone."""
+    learnt: str = ""
+    """What the filter has learnt of the night's noise."""
+    keys: str = "0-9 enter u undo l learn p propose"
 
 
 def tune_lines(
     tuning: Tuning,
-    now: "TrackFigures | None",
-    then: "TrackFigures | None",
+    figures: TuneFigures,
     *,
     words: TuneWords = TuneWords(),  # noqa: B008 -- it cannot be changed
 ) -> Callable[[int, int], list[Line]]:
-    """Return the function that builds the pane's lines: settings, then two columns of figures.
-
-    ``now``: figures as recorded; ``then``: with the changed settings; None: not computed yet.
-    """
+    """Return the function that builds the pane's lines: settings, then two columns of figures."""
 
     def build(width: int, height: int) -> list[Line]:
         waiting = sum(tuning.sent.get(name) == value for name, value in tuning.changes.items())
         changed = f"{len(tuning.changes) - waiting} tried" if tuning.changes else "nothing tried"
         if not tuning.changes and tuning.last_applied_words:
-            changed = f"nothing tried, {tuning.last_applied_words}"
+            changed = tuning.last_applied_words
         if waiting:
-            changed = f"{waiting} sent, in force from the next frame"
-        then_now = then if tuning.changes else None
-        lines: list[Line] = [draw_rule(f"tune · {changed}", "", width)]
-        frames = words.frames.format(count=LAST_FRAMES if now is None else now.frames)
-        figures = _figures(now, then_now, frames, has_changes=bool(tuning.changes))
-        cautions = _comparison(tuning, now, then_now, words.of_present, width)
-        cautions += _cautions(now, then_now, words.of_present)
-        figures += cautions[: max(height - 2 - len(figures) - MIN_BESIDE, 0)]
-        keys: Line = [(f" {words.keys}", "dim")]
-        if height - 2 - len(figures) - CURVE_ROWS >= MIN_SETTINGS:
-            figures += _curves(now, then_now, width)
-        room = max(height - 2 - len(figures), 1)
-        lines += _settings(tuning, room)
-        spare = max(height - len(lines) - len(figures) - 1, 0)
-        lines += [[("", "")]] * spare
-        lines += figures
-        return [cut_to_width(line, width) for line in (*lines[: max(height - 1, 0)], keys)][:height]
+            changed = f"{waiting} sent, from the next frame"
+        shown = figures if tuning.changes else figures._replace(then=None, settled_then=None)
+        below = _settled(shown, tuning, words)
+        below += _figures(shown, words.frames, has_changes=bool(tuning.changes))
+        cautions = _comparison(tuning, shown, words.of_present, width)
+        cautions += _cautions(shown, words.of_present, width)
+        room = max(height - 2, 0)
+        below = [*below, *cautions][: max(room - MIN_SETTINGS, 0)]
+        settings = _settings(tuning, max(room - len(below), 1))
+        spare: list[Line] = [[("", "")]] * max(room - len(settings) - len(below), 0)
+        title = draw_rule(f"tune · {changed}", "", width)
+        lines: list[Line] = [title, *settings, *spare, *below]
+        lines = [*lines[: max(height - 1, 0)], [(f" {words.keys}", "dim")]]
+        return [cut_to_width(line, width) for line in lines][:height]
 
     return build
 
@@ -97,48 +88,80 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
     is_chosen = number == tuning.row
     sign = "▸" if is_chosen else " "
     line: Line = [
-        (f" {sign} {tunable.label:<{LABEL_COLUMNS - 4}}", "title" if is_chosen else ""),
+        (f" {sign} {tunable.label:<{LABEL_COLUMNS - 3}}", "title" if is_chosen else ""),
         (f"{present:>{VALUE_COLUMNS}}", "dim" if tunable.name in tuning.changes else ""),
     ]
     if tunable.name in tuning.changes:
         value = tuning.changes[tunable.name]
         is_sent = tuning.sent.get(tunable.name) == value
         # In force when the record shows it: from the next frame.
-        line.append((f"  → {tunable.words(value)}", "good" if is_sent else "warn"))
-        if is_sent:
-            line.append((" sent", "good"))
+        words = f" → {tunable.words(value)}{' sent' if is_sent else ''}"
+        line.append((words, "good" if is_sent else "warn"))
+    elif tunable.name == LEARNING and tuning.settings is not None:
+        line.append((" held" if tuning.settings.is_noise_held else " learns", "dim"))
     return line
 
 
-def _figures(
-    now: "TrackFigures | None", then: "TrackFigures | None", frames: str, *, has_changes: bool
-) -> list[Line]:
-    head = f" {frames}".ljust(LABEL_COLUMNS + 4)
-    lines: list[Line] = [
-        [(f"{head}{'as it was':>{VALUE_COLUMNS}}{'if tried':>{VALUE_COLUMNS}}", "dim")]
+def _settled(figures: TuneFigures, tuning: Tuning, words: TuneWords) -> list[Line]:
+    """Return bounds and gain to which the filter settles, by the settings in force and tried."""
+    if figures.settled is None:
+        return []
+    head: Line = [(f" {'settles at':<{LABEL_COLUMNS - 1}}", "dim")]
+    head += [(f"{each:>{VALUE_COLUMNS}}", "dim") for each in ("in force", "if tried")]
+    rows: list[tuple[str, Callable[[Settled], str]]] = [
+        ("bounds 3σ", lambda each: _pair(*each.sigma_innovation_arcsec)),
+        ("predicted", lambda each: _pair(*each.sigma_predicted_arcsec)),
+        ("gain RA δ", lambda each: f"{short_figure(each.gain[0])} {short_figure(each.gain[1])}"),
+        ("after", lambda each: f"{each.updates} frames"),
     ]
+    lines = [head]
+    for label, text in rows:
+        line: Line = [(f"  {label:<{LABEL_COLUMNS - 2}}", "")]
+        for each, is_coming in ((figures.settled, True), (figures.settled_then, tuning.changes)):
+            said = ("…" if is_coming else "-") if each is None else text(each)
+            line.append((f"{said:>{VALUE_COLUMNS}}", "dim" if each is None else ""))
+        lines.append(line)
+    if words.learnt:
+        lines.append([(f" {words.learnt}", "dim")])
+    if words.aims_by_orbit:
+        lines.append([(" the orbit aims, not Q: bounds alone", "dim")])
+    return lines
+
+
+def _pair(east_arcsec: float, north_arcsec: float) -> str:
+    """Return three sigma of both axes with one unit: 3.3 .60″."""
+    values = [3.0 * east_arcsec, 3.0 * north_arcsec]
+    size, unit = 1.0, "″"
+    for larger, name in ((60.0, "′"), (3600.0, "°")):
+        if max(values) >= 3.0 * larger:
+            size, unit = larger, name
+    return " ".join(f"{value / size:.3g}".removeprefix("0") for value in values) + unit
+
+
+def _figures(figures: TuneFigures, frames: str, *, has_changes: bool) -> list[Line]:
+    count = LAST_FRAMES if figures.now is None else figures.now.frames
+    head: Line = [(f" {frames.format(count=count):<{LABEL_COLUMNS - 1}}", "dim")]
+    head += [(f"{each:>{VALUE_COLUMNS}}", "dim") for each in ("as it was", "if tried")]
+    lines: list[Line] = [head]
     inks: dict[bool | None, Ink] = {True: "good", False: "warn", None: ""}
     for each in merit.TUNED:
-        line: Line = [(f"  {each.label:<{LABEL_COLUMNS + 2}}", "")]
-        for figures, is_coming in ((now, True), (then, has_changes)):
-            text = ("…" if is_coming else "-") if figures is None else each.words(figures)
-            is_sound = figures.is_nis_sound if figures and each is merit.NIS_MEAN else None
-            line.append((f"{text:>{VALUE_COLUMNS}}", "dim" if figures is None else inks[is_sound]))
+        line: Line = [(f"  {each.label:<{LABEL_COLUMNS - 2}}", "")]
+        for found, is_coming in ((figures.now, True), (figures.then, has_changes)):
+            text = ("…" if is_coming else "-") if found is None else each.words(found)
+            is_sound = found.is_nis_sound if found and each is merit.NIS_MEAN else None
+            line.append((f"{text:>{VALUE_COLUMNS}}", "dim" if found is None else inks[is_sound]))
         lines.append(line)
     return lines
 
 
 def _comparison(
-    tuning: Tuning,
-    now: "TrackFigures | None",
-    then: "TrackFigures | None",
-    of_present: int | None,
-    width: int,
+    tuning: Tuning, figures: TuneFigures, of_present: int | None, width: int
 ) -> list[Line]:
     """Return which settings the same frames favour, by their log L; empty: not known.
 
     Source: two models whose log likelihoods differ by less than 2 (Burnham & Anderson 2002, 2.6).
     """
+    now, then = figures.now, figures.then
     if now is None or then is None or now.updates != then.updates:
         return []
     if now.log_likelihood_mean is None or then.log_likelihood_mean is None:
@@ -153,47 +176,29 @@ def _comparison(
         what = f"{what.partition(' against ')[0]} against as it was"
     said = f"{what}: {comparison[0]} (Δ log L {more:+.2f} over {now.frames} frames)"
     return [
-        [(f" {line[0][0].strip()}", comparison[1])] for line in wrap_to_rows(said, width - 1, 2)
+        [(f" {line[0][0].strip()}", comparison[1])] for line in wrap_to_rows(said, width - 1, 3)
     ]
 
 
-def _cautions(
-    now: "TrackFigures | None", then: "TrackFigures | None", of_present: int | None
-) -> list[Line]:
+def _cautions(figures: TuneFigures, of_present: int | None, width: int) -> list[Line]:
     """Return the reasons why the figures cannot be compared; usually none."""
-    lines: list[Line] = []
+    now, then, said = figures.now, figures.then, []
     if now is not None and then is not None and then.updates != now.updates:
         fewer = now.updates - then.updates
-        what = f"{abs(fewer)} {'fewer' if fewer > 0 else 'more'} measured"
-        lines.append([(f" {what}: rms, NIS not comparable", "warn")])
+        frames = f"{abs(fewer)} {'fewer' if fewer > 0 else 'more'} frames are measured if tried"
+        said.append(f"{frames}: rms and NIS are of other frames, not comparable")
     if now is not None and of_present is not None and of_present < now.frames:
-        said = f" as it was: {of_present} of {now.frames} by what is in force now,"
-        lines.append([(said, "warn")])
-        rest = now.frames - of_present
-        lines.append([(f" {rest} by older settings: log L moves as they go", "warn")])
-    for label, figures in (("as it was", now), ("if tried", then)):
-        if figures is not None and figures.is_nis_sound is False and figures.nis_band:
-            low, high = figures.nis_band
-            lines.append([(f" NIS mean {label}: ✓ from {low:.2f} to {high:.2f}", "warn")])
+        said.append(
+            f"as it was: {of_present} of {now.frames} by what is in force now,"
+            f" {now.frames - of_present} by older settings"
+        )
+    for label, each in (("as it was", now), ("if tried", then)):
+        if each is not None and each.is_nis_sound is False and each.nis_band:
+            low, high = each.nis_band
+            said.append(f"NIS mean {label}: ✓ from {low:.2f} to {high:.2f}")
             break
-    return lines
-
-
-def _curves(now: "TrackFigures | None", then: "TrackFigures | None", width: int) -> list[Line]:
-    """Return the NIS frame by frame as two rows of bars: as recorded, and with the changes."""
-    room = max(width - CURVE_LABEL, 1)
-    lines: list[Line] = []
-    for label, figures in (("NIS as it was", now), ("NIS if tried", then)):
-        line: Line = [(f"  {label:<{CURVE_LABEL - 2}}", "dim")]
-        for nis in () if figures is None else figures.nis_curve[-room:]:
-            is_out = nis is not None and nis > UNLIKELY_NIS
-            line.append((_bar(nis), "warn" if is_out else ""))
-        lines.append(line)
-    return lines
-
-
-def _bar(nis: float | None) -> str:
-    """Return a bar of eight heights up to ``UNLIKELY_NIS``; a dot for a miss."""
-    if nis is None:
-        return "·"
-    return BARS[min(int(nis / UNLIKELY_NIS * (len(BARS) - 1)), len(BARS) - 1)]
+    return [
+        [(f" {line[0][0].strip()}", "warn")]
+        for words in said
+        for line in wrap_to_rows(words, width - 1, 3)
+    ]

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 from textual.binding import Binding, BindingType
 from textual.message import Message
@@ -17,12 +17,37 @@ from rsoconsole.base import (
     value_errors_as,
     write_durably,
 )
-from rsoconsole.config import Config, toml_value, with_setting
+from rsoconsole.config import Config, FilterConfig, toml_value, with_setting
 from rsoconsole.console.panes.panes import LinesPane
-from rsoconsole.console.words.tunable import BY_NAME, NAMES, PRESET, TUNABLES, Tunable, Value
+from rsoconsole.console.words.tunable import (
+    BY_NAME,
+    LEARNING,
+    NAMES,
+    PRESET,
+    TUNABLES,
+    Tunable,
+    Value,
+)
+from rsoconsole.tracking import Settled
 
-Wanting = Literal["apply", "lend", "undo", "save", "load", "close", "try", "type"]
+if TYPE_CHECKING:
+    from rsoconsole.night import TrackFigures
+
+Wanting = Literal["apply", "lend", "undo", "save", "load", "propose", "close", "try", "type"]
 LAST_FRAMES = 40
+
+
+class TuneFigures(NamedTuple):
+    """Figures beside the settings; None: not computed yet, or of no use."""
+
+    now: "TrackFigures | None" = None
+    """Of the last frames as recorded."""
+    then: "TrackFigures | None" = None
+    """Of the same frames with the settings on trial."""
+    settled: Settled | None = None
+    """Bounds and gain to which the filter settles by the settings in force."""
+    settled_then: Settled | None = None
+    """The same by the settings on trial."""
 
 
 @dataclass(slots=True)
@@ -47,6 +72,14 @@ class Tuning:
         """The settings that apply to the filter preset on trial, or else to the one in force."""
         preset = self.changes.get(PRESET, self.present.get(PRESET))
         return tuple(t for t in TUNABLES if t.preset is None or preset in (None, t.preset))
+
+    @property
+    def settings(self) -> FilterConfig | None:
+        """The filter's settings with those on trial; None while those in force are not known."""
+        own = {n: v for n, v in (self.present | self.changes).items() if n.startswith("filter.")}
+        if any(value is None for value in own.values()):
+            return None
+        return FilterConfig.model_validate({n.partition(".")[2]: v for n, v in own.items()})
 
     @property
     def last_applied_words(self) -> str:
@@ -161,6 +194,8 @@ class TunePane(LinesPane, can_focus=False):
         Binding("u", "say('undo')", "Undo"),
         Binding("w", "say('save')", "Save as preset"),
         Binding("o", "say('load')", "Load a preset"),
+        Binding("p", "say('propose')", "Propose Q and R"),
+        Binding("l", "learning", "Hold what is learnt, or learn on"),
         Binding("t,escape", "say('close')", "Close"),
         *(Binding(key, f"type('{key}')", show=False) for key in "0123456789"),
         Binding("full_stop", "type('.')", show=False),
@@ -190,6 +225,13 @@ class TunePane(LinesPane, can_focus=False):
         if self.tuning is not None:
             self.tuning.step(by)
             self.post_message(self.Wanted("try"))
+
+    def action_learning(self) -> None:
+        """Try the next choice of whether the filter learns the night's noise."""
+        if self.tuning is not None:
+            names = [each.name for each in self.tuning.tunables]
+            self.tuning.row = names.index(LEARNING)
+            self.action_step(1)
 
     def action_type(self, begun: str) -> None:
         """Request a text field for a number; ``begun``: the digit that was typed already."""

@@ -6,23 +6,28 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
-from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES
+from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, TuneFigures
 from rsoconsole.console.words.tunable import NAMES, Value
 from rsoconsole.control import Poller
-from rsoconsole.night import FilterQuality, FilterUpdate, FrameRow, NightView, filter_quality
+from rsoconsole.night import (
+    FilterQuality,
+    FilterUpdate,
+    FrameRow,
+    NightView,
+    TrackFigures,
+    filter_quality,
+)
 from rsoconsole.pipeline import SessionLogCache, WhatIfProcess, WhatIfQuestion
-from rsoconsole.tracking import lag_one_correlation
+from rsoconsole.tracking import lag_one_correlation, settle
 from rsoconsole.words import NO_EFFECT
-
-if TYPE_CHECKING:
-    from rsoconsole.night import TrackFigures
 
 log = logging.getLogger(__name__)
 
+FILTER = "filter."
+"""Beginning of the names of the filter's settings."""
 IDLE_S = 60.0
 """Most seconds between two looks for a question; a question wakes the thread at once."""
 
@@ -35,11 +40,17 @@ class WhatIfWatch(Poller):
     """
 
     def __init__(
-        self, on_seen: Callable[["TrackFigures | None", "TrackFigures | None", str], None]
+        self,
+        on_seen: Callable[[TuneFigures, str], None],
+        on_proposal: Callable[[Mapping[str, Value], str], None],
     ) -> None:
-        """``on_seen``: called with the figures as recorded, those with the changes, and a fault."""
+        """Store what is called with each result.
+
+        ``on_seen``: with the figures and a fault, as often as more is known; ``on_proposal``: with
+        proposed settings and the verdict in words.
+        """
         super().__init__("what-if", IDLE_S)
-        self._on_seen = on_seen
+        self._on_seen, self._on_proposal = on_seen, on_proposal
         self._asked: WhatIfQuestion | None = None
         self._log, self._process = SessionLogCache(), WhatIfProcess()
 
@@ -69,6 +80,13 @@ class WhatIfWatch(Poller):
             self.start()
         self.poll_now()
 
+    def propose(self, folder: Path, config: Config) -> None:
+        """Request the likeliest Q and R of a session; it takes a while, figures wait."""
+        self._asked = WhatIfQuestion(folder=folder, config=config, changes={}, proposes=True)
+        if not (self.is_running or self._is_closing):
+            self.start()
+        self.poll_now()
+
     def prepare(self) -> None:
         """Start the process before any request, since its libraries take seconds to load."""
         threading.Thread(target=self._process.start, name="what-if-start", daemon=True).start()
@@ -87,19 +105,38 @@ class WhatIfWatch(Poller):
             self._answer(asked)
         except RsoconsoleError as error:
             if not self._is_closing:
-                self._on_seen(None, None, str(error))
+                self._on_seen(TuneFigures(), str(error))
         except Exception as error:  # the seat must hear of it, whatever it is
             log.exception(NO_EFFECT)
-            self._on_seen(None, None, f"{NO_EFFECT}: {error}")
+            self._on_seen(TuneFigures(), f"{NO_EFFECT}: {error}")
 
     def _answer(self, asked: WhatIfQuestion) -> None:
-        from rsoconsole.night import recorded_figures
+        from rsoconsole.night import lead_figures
 
+        if asked.proposes:
+            found = self._process.propose(asked)
+            self._on_proposal(found.changes, found.words)
+            return
         records = self._log.records_until(asked.folder, asked.until_seq)
-        now = recorded_figures(records, asked.last, of_lead=asked.of_lead)
-        then = self._process.ask(asked) if asked.changes else None
+        now, newest = lead_figures(records, asked.config, asked.last)
+        figures = TuneFigures(now=now)
+        if newest is not None:
+            settings = newest.update.settings
+            tried = {n: v for n, v in asked.changes.items() if n.startswith(FILTER)}
+            tried = {name.removeprefix(FILTER): value for name, value in tried.items()}
+            after = settings.model_copy(update=tried)
+            figures = figures._replace(
+                settled=settle(newest.update, settings, newest.cadence_s),
+                settled_then=settle(newest.update, after, newest.cadence_s),
+            )
+        if asked.changes:
+            self._show(figures)  # the process takes its time
+            figures = figures._replace(then=self._process.ask(asked))
+        self._show(figures)
+
+    def _show(self, figures: TuneFigures) -> None:
         if self._asked is None and not self._is_closing:
-            self._on_seen(now, then, "")
+            self._on_seen(figures, "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,3 +191,8 @@ def count_present_settings_frames(night: NightView, last: int) -> int:
         all(night.setting(name, row.settings) == value for name, value in now.items())
         for row in lead_track_frames(night, last)
     )
+
+
+def sigmas_by_frame(figures: TrackFigures) -> dict[int, tuple[float, float]]:
+    """Return one sigma (east, north) of the lead by frame, arcsec."""
+    return {frame: (east, north) for frame, east, north in figures.lead_sigmas_arcsec}

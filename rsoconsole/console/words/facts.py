@@ -167,7 +167,7 @@ def _followed(
     if track is None or track.t_utc_ns != seen_ns:
         return "predicted ", "", at
     ra, dec = at[0] + track.x[1] * since_s, at[1] + track.x[3] * since_s
-    return "predicted ", "", (ra % 360.0, min(max(dec, -90.0), 90.0))
+    return "now ", "", (ra % 360.0, min(max(dec, -90.0), 90.0))
 
 
 def _mount_items(engine: EngineView) -> list[Item]:
@@ -189,7 +189,7 @@ def _plate_items(night: NightView, engine: EngineView) -> list[Item]:
     ]
     if row.mount_icrs_deg is not None:
         off_deg = separation_deg(ra, dec, *row.mount_icrs_deg)
-        items.append((f"{60.0 * off_deg:.1f}′ from the mount's word", ""))
+        items.append((f"the mount reports a place {60.0 * off_deg:.1f}′ off", ""))
     return items
 
 
@@ -225,19 +225,19 @@ def _motion_items(
         items.insert(0, (coasts, "warn"))
     if leaving:
         items.insert(0, (leaving, "warn"))
-    if aim := _aim_words(night, engine):
-        items.append((aim, ""))
+    if reason := aim_reason(night, engine):
+        items.append((f"aim: {reason}", ""))
     return items
 
 
-def _aim_words(night: NightView, engine: EngineView) -> str:
-    """Return what predicts the next aim, in the log's words."""
+def aim_reason(night: NightView, engine: EngineView) -> str:
+    """Return what predicts the next aim, in the log's words; empty where there is none."""
     if engine.is_attached and engine.next_aim is not None:
-        return f"aim: {engine.next_aim.reason}"
+        return engine.next_aim.reason
     # What led nowhere yet says nothing once something is followed.
     if night.slew is None or night.slew.track_id is None:
         return ""
-    return f"aim: {night.slew.reason}"
+    return night.slew.reason
 
 
 def _schedule_items(engine: EngineView) -> list[Item]:

@@ -8,9 +8,11 @@ from rsoconsole.console.night.engine_view import EngineView
 from rsoconsole.console.words.words import cos_deg
 from rsoconsole.night import ELSEWHERE, FrameRow, NightView
 from rsoconsole.records import TrackState
-from rsoconsole.sky import wrap_180
+from rsoconsole.sky import separation_deg, wrap_180
 from rsoconsole.words import NS_PER_S, time_left_words, utc_text
 
+SAME_FIELD_DEG = 0.1
+"""Largest difference of two reported directions of a mount that has not moved away."""
 MAX_S = 3600.0
 """Seconds ahead beyond which it is not said that a track leaves the field."""
 
@@ -77,21 +79,27 @@ def time_left_in_field_s(
 
 
 def _looked_at(night: NightView, *, is_held: bool) -> FrameRow | None:
-    """Return the last solved frame since the operator has had control; None: there is none.
+    """Return the last solved frame of where the mount points; None: there is none.
 
-    While autonomy is held the last of all, unless a slew has been ordered since.
+    With the operator in control only frames since then count. None too where a slew has been
+    ordered since, or where a later frame was taken of another place.
     """
-    since_ns = night.state_since_utc_ns
-    if is_held:
-        since_ns = 0
-        if night.pointing is not None and night.pointing.is_ordered:
-            return None
+    since_ns = 0 if is_held else night.state_since_utc_ns
+    if night.pointing is not None and night.pointing.is_ordered:
+        return None
+    newest = next((row for row in reversed(night.rows) if row.mount_icrs_deg is not None), None)
     for row in reversed(night.rows):
         if since_ns is None or row.t_utc_ns is None or row.t_utc_ns < since_ns:
             return None
         if row.is_solved and row.plate_icrs_deg is not None:
-            return row
+            return row if newest is None or _points_alike(row, newest) else None
     return None
+
+
+def _points_alike(one: FrameRow, other: FrameRow) -> bool:
+    """Return False where the mount reported two different directions for two frames."""
+    a, b = one.mount_icrs_deg, other.mount_icrs_deg
+    return a is None or b is None or separation_deg(*a, *b) < SAME_FIELD_DEG
 
 
 FRAMES_COUNTED = 60

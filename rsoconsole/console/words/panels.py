@@ -2,8 +2,9 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from rsoconsole.console.drawing.plot import (
     AXIS_COLUMNS,
@@ -22,9 +23,9 @@ from rsoconsole.console.drawing.plot import (
 from rsoconsole.console.picture.marks import SHOWN_REJECTED
 from rsoconsole.console.words.tunable import change_words
 from rsoconsole.console.words.words import cut_to_width, draw_rule
-from rsoconsole.night import FrameRow, NightView
+from rsoconsole.night import FrameRow, NightView, since_last_change
 from rsoconsole.pipeline import usual_timing_sigma_s
-from rsoconsole.tracking import NIS_BAND, WINDOW, consistency, filter_summary_words
+from rsoconsole.tracking import NIS_BAND, consistency, filter_summary_words
 from rsoconsole.words import angle, short_figure, signed_angle, utc_text
 
 MAX_FRAMES_A_MARK = 64
@@ -135,7 +136,9 @@ def _misfit(row: FrameRow) -> tuple[int, float]:
 NEWEST = PlotWindow()
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
-NIS_FRAMES = 10
+NIS_FRAMES, MOST_JUDGED = 10, 200
+WIDE_TITLE = 46
+"""Columns of a plot from which on its title has whole words."""
 AXES = {"east": (0, "RA·cosδ", "RA"), "north": (1, "δ", "δ ")}
 """Of each axis: its index in a residual, its name, its name where there is one row."""
 
@@ -145,7 +148,7 @@ def confidence_lines(
 ) -> list[Line]:
     """Plot the confidence of each frame's best detection, misses at 0, tau as a line."""
     rows = window.rows(night.rows, width)
-    columns = [_confidence_column(row) for row in rows]
+    columns = [_confidence_column(night, row) for row in rows]
     columns = _with_changes(columns, rows, TAUS)
     last = next((row for row in reversed(window.seen(night.rows)) if row.is_reduced), None)
     now = _confidence_words(last)
@@ -166,15 +169,17 @@ def residual_lines(
     *,
     window: PlotWindow = NEWEST,
     of: str = "",
+    on_trial: Mapping[int, tuple[float, float]] = MappingProxyType({}),
 ) -> list[Line]:
     """Plot the residuals of one axis, measured minus predicted, within 3-sigma bounds.
 
     Coasted frames have a sign at 0. The title is of the newest frame up to the right edge, however
     many frames a mark stands for. ``of``: the track's name where it is not the lead.
+    ``on_trial``: one sigma (east, north), arcsec, by frame with the settings on trial.
     """
     place, name, strip_name = AXES[axis]
     rows = window.rows(night.rows, width)
-    columns = _with_changes([_column(row, place) for row in rows], rows, FILTERS)
+    columns = _with_changes([_column(row, place, on_trial) for row in rows], rows, FILTERS)
     newest_first = reversed(window.visible_rows(night.rows, width))
     newest = next((row for row in newest_first if row.sigma_arcsec is not None), None)
     last = None if newest is None else _column(newest, place)
@@ -187,8 +192,9 @@ def residual_lines(
     if height <= 1:
         label = f" {_of(of.removeprefix('track '), ':')}{strip_name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
+    said = f"{name} residual" if width >= WIDE_TITLE else strip_name.strip()
     return [
-        draw_rule(f"{_of(of)}{name} residual {value}", f"bounds {bound}", width),
+        draw_rule(f"{_of(of)}{said} {value}", f"bounds {bound}", width),
         *residual_plot(columns, width, height - 1),
     ]
 
@@ -204,8 +210,8 @@ def nis_lines(
 
     ``of``: the track's name where it is not the lead.
     """
-    newest_first = (row for row in reversed(window.seen(night.rows)) if row.nis is not None)
-    judged_rows = list(itertools.islice(newest_first, WINDOW))[::-1]
+    rows = since_last_change(window.seen(night.rows))
+    judged_rows = [row for row in rows if row.nis is not None][-MOST_JUDGED:]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
         return [draw_rule(f"{_of(of)}NIS: no update yet", "", width)]
@@ -254,19 +260,26 @@ def _with_changes(
     return [*columns[:1], *changed]
 
 
-def _column(row: FrameRow, axis: int) -> PlotColumn:
+def _column(
+    row: FrameRow, axis: int, on_trial: Mapping[int, tuple[float, float]] = MappingProxyType({})
+) -> PlotColumn:
     bound = None if row.sigma_arcsec is None else 3.0 * row.sigma_arcsec[axis]
+    ghost = 3.0 * on_trial[row.frame_id][axis] if row.frame_id in on_trial else None
     if row.residual_arcsec is not None:
-        return PlotColumn(value=row.residual_arcsec[axis], bound=bound)
-    return PlotColumn(bound=bound, mark=MISS if row.miss is not None and bound is not None else "")
+        return PlotColumn(value=row.residual_arcsec[axis], bound=bound, ghost=ghost)
+    mark = MISS if row.miss is not None and bound is not None else ""
+    return PlotColumn(bound=bound, ghost=ghost, mark=mark)
 
 
-def _confidence_column(row: FrameRow) -> PlotColumn:
+def _confidence_column(night: NightView, row: FrameRow) -> PlotColumn:
     refused = likeliest_refused_streak(row)
     value = row.confidence if refused is None else None
     is_miss = row.is_reduced and value is None and row.was_sought
     return PlotColumn(
-        value=value, mark=MISS if is_miss else "", refused=None if refused is None else refused[0]
+        value=value,
+        mark=MISS if is_miss else "",
+        refused=None if refused is None else refused[0],
+        limit=night.setting("detector.tau", row.settings),
     )
 
 

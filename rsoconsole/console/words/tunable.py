@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rsoconsole.config import PRESETS
+from rsoconsole.config import LEARNINGS, PRESETS
 
 Value = float | int | str
 
@@ -58,7 +58,10 @@ def _multiplier(of: str, label: str) -> Tunable:
 
 TUNABLES = (
     Tunable(name="detector.tau", label="τ", low=0.01, high=0.99),
+    _multiplier("q", "Q ×"),
+    _multiplier("r", "R ×"),
     Tunable(name="filter.preset", label="preset", choices=PRESETS),
+    Tunable(name="filter.learning", label="learning", choices=LEARNINGS),
     Tunable(name="filter.sigma_arcsec", label="σ", unit="″", low=0.05, high=600.0, preset="paper"),
     Tunable(
         name="filter.q_arcsec2_s3",
@@ -69,12 +72,10 @@ TUNABLES = (
         high=1e3,
         preset="tuned",
     ),
-    _multiplier("q", "Q ×"),
     _multiplier("q_ra", "Q α ×"),
     _multiplier("q_ra_rate", "Q α rate ×"),
     _multiplier("q_dec", "Q δ ×"),
     _multiplier("q_dec_rate", "Q δ rate ×"),
-    _multiplier("r", "R ×"),
     _multiplier("r_ra", "R α ×"),
     _multiplier("r_dec", "R δ ×"),
     Tunable(name="filter.gate_nis", label="gate NIS", low=1.0, high=1e6),
@@ -83,7 +84,7 @@ TUNABLES = (
 )
 BY_NAME = {tunable.name: tunable for tunable in TUNABLES}
 NAMES = tuple(BY_NAME)
-PRESET = "filter.preset"
+PRESET, LEARNING = "filter.preset", "filter.learning"
 
 
 def change_words(before: Mapping[str, Value], after: Mapping[str, Value], begin: str = "") -> str:

@@ -15,7 +15,7 @@ from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
 from rsoconsole.engine.tasks.pace import Pace, TemporarySettings
 from rsoconsole.engine.tasks.preview import CloseupPlaces
 from rsoconsole.pipeline import Cycle, Orbits, Reduction
-from rsoconsole.records import CycleTiming, Frame, SlewRefusal, Solution, TrackState
+from rsoconsole.records import ChartStar, CycleTiming, Frame, SlewRefusal, Solution, TrackState
 from rsoconsole.tracking.filters import estimator
 
 CLEAR_FRAMES = 2
@@ -103,6 +103,7 @@ class FrameTurn:
             self._cycle.forget_plate()
         self._leaping.times.learn_slew_time()
         place_px: tuple[float, float] | None = None
+        stars: tuple[ChartStar, ...] | None = None
         frame: Frame | None = None
         try:
             frame, read_ms = self._exposures.take(plan)
@@ -110,12 +111,13 @@ class FrameTurn:
             self._leaping.order_leap_after_readout(frame)
             self._exposures.simulate_processing_time()
             reduction = self._reduce_and_go_on(frame, read_ms, plan.blocked)
+            stars = reduction.chart_stars
             place_px = self._places.of(frame, reduction, self._control.following)
         finally:
             self._leaping.forget_next_leap()
             # Also the frame that could not be used: it is the one somebody will want to see.
             if frame is not None:
-                self._exposures.keep(frame, self._control.following.state, place_px)
+                self._exposures.keep(frame, self._control.following.state, place_px, stars)
 
     def _order_next(self) -> AimPlan:
         """Plan the next exposure and order its slew; the mount is on its way when this returns."""
@@ -140,10 +142,12 @@ class FrameTurn:
             self._parts.planner.plan_exposure_here(self._parts.instrument_controller.now_utc_ns())
         )
         place_px: tuple[float, float] | None = None
+        stars: tuple[ChartStar, ...] | None = None
         try:
             self._exposures.simulate_readout_time(frame)
             self._exposures.simulate_processing_time()
             reduction, records = self._cycle.reduce_only(frame)
+            stars = reduction.chart_stars
             place_px = self._places.of(frame, reduction, self._control.following)
             if isinstance(reduction.solution, Solution):
                 self._parts.planner.note_solution(reduction.solution)
@@ -151,7 +155,7 @@ class FrameTurn:
             self._forgive()
             self._count_frame()
         finally:
-            self._exposures.keep(frame, self._control.following.state, place_px)
+            self._exposures.keep(frame, self._control.following.state, place_px, stars)
 
     def _count_frame(self) -> None:
         """Count a finished frame; temporary settings, and a hold until the sky clears, may end."""

@@ -246,9 +246,8 @@ class Decisions:
         )
         if better is not None and not mark.replaces:
             raise RefusedError(
-                f"yours is good to ±{error_figure(sigma)}″ ({how}); frame {decision.frame_id}"
-                f" has it to ±{error_figure(largest_sigma_arcsec(better))}″:"
-                " mark it as replacing that",
+                f"yours is ±{error_figure(sigma)}″, frame {decision.frame_id} has"
+                f" ±{error_figure(largest_sigma_arcsec(better))}″: mark it as replacing that",
                 {
                     "asks": "replaces",
                     "sigma_arcsec": sigma,

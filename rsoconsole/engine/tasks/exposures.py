@@ -19,7 +19,7 @@ from rsoconsole.engine.tasks.session_log import SessionLog
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.instruments import ARRIVED_KEY
 from rsoconsole.pipeline import frame_taken_record
-from rsoconsole.records import Frame, LoopState
+from rsoconsole.records import ChartStar, Frame, LoopState
 
 REMEMBERED = 10
 KNOWN_FROM = 5
@@ -181,16 +181,23 @@ class Exposures:
                 self._instrument_controller.now_utc_ns() + round(pause_s * NS)
             )
 
-    def keep(self, frame: Frame, state: LoopState, place_px: tuple[float, float] | None) -> None:
+    def keep(
+        self,
+        frame: Frame,
+        state: LoopState,
+        place_px: tuple[float, float] | None,
+        stars: tuple[ChartStar, ...] | None,
+    ) -> None:
         """Keep the frame's previews, and its pixels where the configuration says so.
 
-        ``place_px``: column and row of the close-up; None: no close-up.
+        ``place_px``: column and row of the close-up; None: no close-up. ``stars``: its brightest
+        stars; None: not known.
         """
         wanted = self._config.session.keep_frames
         is_wanted = wanted in {"all", "last"} or (
             wanted == "detected" and state in ("ACQUIRE", "TRACK")
         )
-        self._session_log.keep(frame, is_wanted=is_wanted, place_px=place_px)
+        self._session_log.keep(frame, is_wanted=is_wanted, place_px=place_px, stars=stars)
 
     def end_at_limit(self, words: str) -> NoReturn:
         """End motion and tracking at a limit, then raise Interrupted; ``words``: the limit."""

@@ -24,6 +24,7 @@ _BY_SECTION = {
         *("preset", "sigma_arcsec", "q_arcsec2_s3", "q_multiplier", "q_ra_multiplier"),
         *("q_ra_rate_multiplier", "q_dec_multiplier", "q_dec_rate_multiplier", "r_multiplier"),
         *("r_ra_multiplier", "r_dec_multiplier", "max_3sigma_arcmin", "gate_nis", "max_coast_s"),
+        "learning",
     ),
     "search": ("follow", "recentre", "pattern"),
     "orbit": ("guide", "prior", "wait_min"),

@@ -9,7 +9,7 @@ from typing import Literal
 from rsoconsole.base import RsoconsoleError
 from rsoconsole.engine.tasks.preview import cut_closeup, preview_of
 from rsoconsole.pipeline import Past, keep_unknown_tracks
-from rsoconsole.records import Closeup, Event, Frame, Record, Topic
+from rsoconsole.records import ChartStar, Closeup, Event, Frame, Record, Topic
 from rsoconsole.session import SessionWriter, damage_words, ledger_path, read_ledger
 
 log = logging.getLogger(__name__)
@@ -52,15 +52,21 @@ class SessionLog:
                 log.log(_LOG_LEVELS[record.level], "%s", record.text)
 
     def keep(
-        self, frame: Frame, *, is_wanted: bool, place_px: tuple[float, float] | None = None
+        self,
+        frame: Frame,
+        *,
+        is_wanted: bool,
+        place_px: tuple[float, float] | None = None,
+        stars: tuple[ChartStar, ...] | None = None,
     ) -> None:
         """Keep the frame's small pictures, and its pixels where ``is_wanted``.
 
         ``place_px``: x and y around which a close-up is kept at full resolution; None: no close-up.
+        ``stars``: its brightest stars; None: not known.
         """
         if is_wanted:
             self._record.save_frame(frame)
-        self._record.save_preview(frame.frame_id, preview_of(frame.pixels))
+        self._record.save_preview(frame.frame_id, preview_of(frame.pixels), stars)
         if place_px is not None:
             (x0_px, y0_px), picture = cut_closeup(frame.pixels, *place_px)
             height_px, width_px = picture.shape

@@ -20,7 +20,15 @@ from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measure_detections
 from rsoconsole.pipeline.frame.plate import FixedPlateSource, PlateFinder, middle_part
-from rsoconsole.records import Detections, Frame, Measurement, Missed, NotSolved, Solution
+from rsoconsole.records import (
+    ChartStar,
+    Detections,
+    Frame,
+    Measurement,
+    Missed,
+    NotSolved,
+    Solution,
+)
 from rsoconsole.vision import (
     MIN_MATCHED,
     ConfidenceCurve,
@@ -84,6 +92,8 @@ class ZeroPointFinder:
 
 
 BRIGHTEST_STARS = slice(20, 60)
+CHART_STARS = 60
+"""Number of a frame's brightest stars that are kept for its chart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +111,8 @@ class Reduction:
     """Reason why the frame has no measurement; ``cycle.miss_reasons`` adds the cause of a miss."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     cautions: tuple[Caution, ...] = ()
+    chart_stars: tuple[ChartStar, ...] = ()
+    """The frame's brightest stars, the brightest first."""
 
 
 class FrameReducer:
@@ -209,6 +221,7 @@ class FrameReducer:
             absence=text(miss_from_frame_records(found, solution, frame.t_mid_utc_ns)),
             stage_ms=stage_ms,
             cautions=(*noted, *cautions(frame, solution, self._config)),
+            chart_stars=brightest_stars(analysis.stars),
         )
 
 
@@ -221,6 +234,12 @@ def typical_flux_adu(stars: StarList) -> float | None:
     if len(stars) < BRIGHTEST_STARS.stop:
         return None
     return float(np.median(stars.flux[BRIGHTEST_STARS]))
+
+
+def brightest_stars(stars: StarList) -> tuple[ChartStar, ...]:
+    """Return the brightest ``CHART_STARS`` stars, or all where there are fewer."""
+    columns = (stars.x_px, stars.y_px, stars.flux)
+    return tuple(map(ChartStar, *(column[:CHART_STARS].tolist() for column in columns)))
 
 
 def miss_from_frame_records(

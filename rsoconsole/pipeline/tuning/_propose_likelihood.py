@@ -6,8 +6,10 @@ densities of its innovations, each given the earlier ones, so
 log L = sum over k of -1/2 (log det(2 pi S_k) + nu_k' S_k^-1 nu_k).
 
 It remains a proper likelihood where the filter adapts its process noise to its own innovations
-(preset ``tuned``): S_k depends on earlier innovations alone. The filter is run as it is. Which
-measurements belong to which track is fixed, so that every setting is judged by the same data.
+(preset ``tuned``): S_k depends on earlier innovations alone. Preset ``adaptive`` learns the noise
+of a track's first updates without factors, then holds it, whatever Q and R are: its likelihood is
+that of the mixture's moments. Which measurements belong to which track is fixed, so that every
+setting is judged by the same data.
 Source: Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications, 5.4; Schweppe 1965.
 """
 
@@ -21,7 +23,8 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.pipeline.replays.refold import ReplayedFrame
 from rsoconsole.pipeline.replays.what_if_log import last_version_of_each
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.tracking.filters import lqe
+from rsoconsole.tracking.filters import adaptive, estimator, lqe
+from rsoconsole.tracking.filters.streak_length import StreakErrors
 
 LOG_2PI = math.log(2.0 * math.pi)
 
@@ -35,6 +38,8 @@ class FilterStep:
     measurement: Measurement | None
     """Accepted measurement; None for a miss, in which the filter only predicts."""
     settings: FilterConfig
+    along_arcsec: float = 0.0
+    """Error along the streak that its length indicates."""
     by_orbit: TrackState | None = None
     """Prediction by the orbit that restarted the filter; the filter's own is no evidence then."""
 
@@ -94,18 +99,19 @@ def replayed_tracks(frames: Iterable[ReplayedFrame]) -> list[ReplayedTrack]:
         for state in states:
             if state.kind == "initial" and each.after.lead_measured is not None:
                 second = each.after.lead_measured
-                first = _first_of(state, candidates, second, settings)
-                if first is not None:
+                first = _first_of(state, candidates)
+                if first is not None and state.is_lead:
                     arcs.append(ReplayedTrack(first=first, second=second, settings=settings))
-            elif state.kind == "predicted" and arcs:
-                taken = (
-                    each.after.lead_measured if any(s.kind == "updated" for s in states) else None
-                )
+            elif state.kind == "predicted" and state.is_lead and arcs:
+                updated = next((s for s in states if s.kind == "updated" and s.is_lead), None)
+                taken = None if updated is None else each.after.lead_measured
+                said = None if updated is None else updated.mixture
                 step = FilterStep(
                     frame_id=state.frame_id,
                     t_utc_ns=state.t_utc_ns,
                     measurement=taken,
                     settings=settings,
+                    along_arcsec=0.0 if said is None else said.along_arcsec,
                     by_orbit=state if state.foretold_by == "orbit" else None,
                 )
                 arcs[-1].steps.append(step)
@@ -113,18 +119,15 @@ def replayed_tracks(frames: Iterable[ReplayedFrame]) -> list[ReplayedTrack]:
     return [arc for arc in arcs if arc.measurements]
 
 
-def _first_of(
-    state: TrackState,
-    candidates: Sequence[Measurement],
-    second: Measurement,
-    settings: FilterConfig,
-) -> Measurement | None:
+def _first_of(state: TrackState, candidates: Sequence[Measurement]) -> Measurement | None:
     """Return the candidate with which, beside the second measurement, the track was begun."""
-    earlier = (m for m in candidates if m.t_mid_utc_ns < second.t_mid_utc_ns)
-    return next((m for m in earlier if lqe.initialise(m, second, settings) == state), None)
+    first = None if state.begun_with is None else state.begun_with[0]
+    return next((m for m in candidates if m.measurement_id == first), None)
 
 
-def innovations(arcs: Sequence[ReplayedTrack], settings: Mapping[str, float]) -> Innovations | None:
+def innovations(
+    arcs: Sequence[ReplayedTrack], settings: Mapping[str, float | str]
+) -> Innovations | None:
     """Run the filter over the arcs; None where its matrices become singular.
 
     ``settings``: fields of FilterConfig with values that replace the recorded ones throughout.
@@ -146,7 +149,7 @@ def innovations(arcs: Sequence[ReplayedTrack], settings: Mapping[str, float]) ->
     )
 
 
-def _of_arc(arc: ReplayedTrack, settings: Mapping[str, float]) -> Iterator[tuple[float, ...]]:
+def _of_arc(arc: ReplayedTrack, settings: Mapping[str, float | str]) -> Iterator[tuple[float, ...]]:
     changed: dict[int, FilterConfig] = {}
 
     def in_place_of(config: FilterConfig) -> FilterConfig:
@@ -154,23 +157,30 @@ def _of_arc(arc: ReplayedTrack, settings: Mapping[str, float]) -> Iterator[tuple
             changed[id(config)] = config.model_copy(update=dict(settings))
         return changed[id(config)]
 
-    state = lqe.initialise(arc.first, arc.second, in_place_of(arc.settings))
+    config = in_place_of(arc.settings)
+    state = estimator.initialise(arc.first, arc.second, config)
+    if config.uses_filter_bank:
+        state = adaptive.with_coarse_bank(state)
     was_measured = False
     for step in arc.steps:
-        config = in_place_of(step.settings)
+        config, errors = in_place_of(step.settings), StreakErrors(step.along_arcsec)
         if step.by_orbit is not None and step.measurement is not None:
-            state, was_measured = lqe.update(step.by_orbit, step.measurement, config), False
+            state = estimator.update(step.by_orbit, step.measurement, config, errors)
+            was_measured = False
             continue
-        predicted = lqe.predict(state, step.t_utc_ns, config, step.frame_id)
+        predicted = estimator.predict(state, step.t_utc_ns, config, step.frame_id)
         if step.measurement is None:
             state, was_measured = predicted, False
             continue
-        state = lqe.update(predicted, step.measurement, config)
+        state = estimator.update(predicted, step.measurement, config, errors)
         nis, residual, sigma = state.nis, state.innovation_arcsec, state.sigma_innovation_arcsec
         assert nis is not None
         assert residual is not None
         assert sigma is not None
-        log_det = lqe.log_det_innovation(predicted, step.measurement, config)
+        if config.uses_filter_bank:
+            log_det = float(np.linalg.slogdet(adaptive.innovation_covariance(state))[1])
+        else:
+            log_det = lqe.log_det_innovation(predicted, step.measurement, config)
         yield (
             -0.5 * (2.0 * LOG_2PI + log_det + nis),
             nis,

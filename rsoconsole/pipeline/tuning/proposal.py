@@ -9,7 +9,8 @@ the result and the search repeated, until the accepted measurements stay the sam
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,10 +48,9 @@ def propose(
         raise SessionError("name at least one session")
     sessions = [_Session(Path(folder)) for folder in folders]
     presets = sorted({session.config.filter.preset for session in sessions})
-    if "adaptive" in presets:
-        raise ConfigError(_nothing_to_propose(sessions))
     if len(presets) > 1:
-        raise ConfigError("sessions of the presets tuned and paper share no Q: propose them apart")
+        what = " and ".join(presets)
+        raise ConfigError(f"sessions of the presets {what} share no Q: propose them apart")
     arcs, changes, rounds = _arcs(sessions, None), {}, 0
     inquiry = ModelComparison(arcs, presets[0], on_evaluation)
     evaluations = 0
@@ -66,25 +66,22 @@ def propose(
     folders = tuple(session.folder for session in sessions)
     if rounds == 0 or inquiry.count < LEAST:
         return _not_enough(folders, presets[0], inquiry.count, len(arcs))
-    return inquiry.proposal(folders, rounds, evaluations)
+    proposal = inquiry.proposal(folders, rounds, evaluations)
+    return replace(proposal, warnings=(*proposal.warnings, *_learnt(sessions)))
 
 
-def _nothing_to_propose(sessions: Sequence[_Session]) -> str:
-    """Reason why preset ``adaptive`` needs no proposal, with what it has learned of each night."""
-    lines = []
+def _learnt(sessions: Sequence[_Session]) -> Iterator[str]:
+    """Yield what preset ``adaptive`` has learnt of each night's scatter, and what to do with it."""
     for session in sessions:
         states = (r for r in session.records if isinstance(r, TrackState) and r.mixture is not None)
         last = deque(states, maxlen=1)
         known_s = usual_timing_sigma_s(session.config.exposure)
         words = timing_scatter_words(last[0], known_s) if last else None
         if words is not None:
-            lines.append(f"{session.folder.name}: {words}")
-    learnt = "; ".join(lines) or "no track has learnt anything yet"
-    return (
-        "preset adaptive weighs its motions and learns the night's scatter by itself, there is no Q"
-        f" to propose ({learnt}); put the scatter into exposure.timing_sigma_s if it is the"
-        " shutter's, or record with preset tuned"
-    )
+            yield (
+                f"{session.folder.name} has learnt: {words}; put the scatter into"
+                " exposure.timing_sigma_s if it is the shutter's"
+            )
 
 
 def _arcs(sessions: Sequence[_Session], changes: Mapping[str, float] | None) -> list[ReplayedTrack]:

@@ -96,13 +96,15 @@ LEAST = 15
 """Fewest innovations from which a statement on Q and R is made."""
 CHANCE, CHANCE_OF_A_TERM = 0.05, 0.01
 """Probabilities to reach the needed gain by chance: for Q and R, and for one more term."""
-WIDENED = {"paper": 1.0, "tuned": 2.0}
+WIDENED = {"paper": 1.0, "tuned": 2.0, "adaptive": 2.0}
 """Factor on the widths of intervals, by preset; needed gains grow with its square.
 
 The tuned filter uses each innovation twice, in S and in its process noise. Over simulated nights of
 60 frames and known noise the likeliest R scattered by 0.18 in its logarithm, where the profile of
-log L gave 0.09, and the sandwich of its scores no more.
+log L gave 0.09, and the sandwich of its scores no more. The adaptive one uses them twice as well.
 """
+LEARNING = {"paper": "auto", "tuned": "on", "adaptive": "off"}
+"""Whether each preset learns the noise while settings are compared: for none it changes at 1."""
 WORTH_A_FIT = 0.3
 """Fraction of the needed gain that a term must reach alone before it is fitted with the others."""
 _ABOUT = (0.01, 0.1, 0.5, 2.0, 10.0, 100.0)
@@ -246,7 +248,9 @@ class ModelComparison:
         )
 
     def _run(self, settings: Mapping[str, float]) -> Innovations | None:
-        return innovations(self._arcs, {n.removeprefix("filter."): v for n, v in settings.items()})
+        changes: dict[str, float | str] = {"learning": LEARNING[self._preset]}
+        changes |= {name.removeprefix("filter."): value for name, value in settings.items()}
+        return innovations(self._arcs, changes)
 
     def _evidence(self) -> tuple[ProposedParameter, ...]:
         """Return Q, R and the accepted terms, each with its profile about the likeliest values."""
@@ -335,6 +339,9 @@ class ModelComparison:
             decades = tuple(10.0**n for n in (-4, -3, -2, -1, 1, 2, 3))
             q = parameter("Q", 1e-10, 1e2, "q_arcsec2_s3", scan=decades)
             return q, r, (r_dec, q_dec)
+        if self._preset == "adaptive":
+            decades = tuple(10.0**n for n in (-3, -2, -1, 1, 2, 3))
+            return parameter("Q", 1e-4, 1e4, "q_multiplier", scan=decades), r, (r_dec, q_dec)
         decades = tuple(10.0**n for n in range(-11, 3, 1))
         q = parameter("Q", 1e-12, 1e6, "q_multiplier", scan=decades)
         rates = parameter(

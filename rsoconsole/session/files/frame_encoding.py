@@ -9,13 +9,15 @@ compression.
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping
+import struct
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.records import Frame
+from rsoconsole.records import ChartStar, Frame
 
 TILE_ROWS = 16
 MAX_SHIFT_BITS = 8
@@ -26,6 +28,11 @@ _STRUCTURE = {
 }
 """Cards that describe the file, not the exposure."""
 _KEYWORD = re.compile("[A-Z0-9_-]{1,8}")
+_PNG_SIGNATURE, _PNG_END_BYTES = b"\x89PNG\r\n\x1a\n", 12
+_STARS = b"stars\0"
+"""Keyword of a PNG's text with stars: x and y, px, and flux, ADU, of each."""
+MAX_STARS = 200
+"""Most stars that are read from a picture: sessions may come from anybody."""
 
 
 def compress_frame(frame: Frame) -> bytes:
@@ -55,15 +62,48 @@ def compress_frame(frame: Frame) -> bytes:
     return buffer.getvalue()
 
 
-def encode_preview(picture: npt.NDArray[np.uint8]) -> bytes:
-    """Encode a picture as PNG: (height, width), or (height, width, 3) in RGB."""
+def encode_preview(
+    picture: npt.NDArray[np.uint8], stars: Sequence[ChartStar] | None = None
+) -> bytes:
+    """Encode a picture as PNG: (height, width), or (height, width, 3) in RGB.
+
+    ``stars``: written into the file as text, for ``decode_preview_stars``; None: not known.
+    """
     import cv2
 
     ordered = picture[..., ::-1] if picture.ndim == 3 else picture
     ok, encoded = cv2.imencode(".png", np.ascontiguousarray(ordered))
     if not ok:
         raise ValueError("the preview cannot be coded as PNG")
-    return bytes(encoded.tobytes())
+    coded = bytes(encoded.tobytes())
+    if stars is None:
+        return coded
+    text = " ".join(f"{x:.1f},{y:.1f},{flux:.0f}" for x, y, flux in stars)
+    body = b"tEXt" + _STARS + text.encode("ascii")
+    chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
+    return coded[:-_PNG_END_BYTES] + chunk + coded[-_PNG_END_BYTES:]
+
+
+def decode_preview_stars(coded: bytes) -> tuple[ChartStar, ...] | None:
+    """Return the stars in a PNG that ``encode_preview`` made; None: stars not known."""
+    at = len(_PNG_SIGNATURE)
+    while at + 8 <= len(coded):
+        length, kind = struct.unpack_from(">I4s", coded, at)
+        body = coded[at + 8 : at + 8 + length]
+        if kind == b"tEXt" and body.startswith(_STARS):
+            return tuple(_parse_stars(body.removeprefix(_STARS).decode("latin-1")))
+        at += length + 12
+    return None
+
+
+def _parse_stars(text: str) -> Iterator[ChartStar]:
+    for words in text.split()[:MAX_STARS]:
+        try:
+            star = ChartStar(*map(float, words.split(",")))
+        except (TypeError, ValueError):
+            continue
+        if all(map(math.isfinite, star)) and star.flux_adu > 0.0:
+            yield star
 
 
 def _shift_down(pixels: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], int]:

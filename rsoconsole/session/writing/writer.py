@@ -9,7 +9,7 @@ import shutil
 import sqlite3
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from rsoconsole.base import SessionError, sync_folder, write_durably
 from rsoconsole.config import Config, config_to_toml
-from rsoconsole.records import Frame, Record
+from rsoconsole.records import ChartStar, Frame, Record
 from rsoconsole.session.files.digest import mark_closed, sha256_of
 from rsoconsole.session.files.frame_encoding import compress_frame, encode_preview
 from rsoconsole.session.log.codec import to_json_value
@@ -122,12 +122,20 @@ class SessionWriter:
         """
         return self._save(self._frames, frame.frame_id, "frame", lambda: compress_frame(frame))
 
-    def save_preview(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
+    def save_preview(
+        self,
+        frame_id: int,
+        picture: npt.NDArray[np.uint8],
+        stars: Sequence[ChartStar] | None = None,
+    ) -> bool:
         """Save a small picture of the frame as PNG, (height, width) or (height, width, 3).
 
-        Returns False when it is not saved because too many wait.
+        ``stars``: the frame's brightest stars, kept in the picture's file; None: not known. Returns
+        False when it is not saved because too many wait.
         """
-        return self._save(self._previews, frame_id, "preview", lambda: encode_preview(picture))
+        return self._save(
+            self._previews, frame_id, "preview", lambda: encode_preview(picture, stars)
+        )
 
     def save_closeup(self, frame_id: int, picture: npt.NDArray[np.uint8]) -> bool:
         """Save a part of the frame at full resolution as PNG; the record ``Closeup`` locates it.

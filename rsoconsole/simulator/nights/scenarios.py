@@ -1,12 +1,15 @@
 """Named nights of the simulated observatory: site, time, satellites and weather.
 
-Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20230622.tle``.
+Element sets: public catalogue as of 2023-06-22, transcribed into ``data/belt_20230622.tle``; every
+geostationary satellite in it is in the sky of every night above the belt, except the empty one.
 Magnitudes are typical values for such satellites, not measurements.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from rsoconsole.base import ConfigError, resource_path
 from rsoconsole.orbits import CatalogueEntry, ElementSet, parse_elements
@@ -16,12 +19,32 @@ from rsoconsole.simulator.sky.clouds import CloudDeck
 from rsoconsole.sky import iso_to_utc_ns
 
 DAYTONA_BEACH = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
+MOUNT_JOHN = Site(latitude_deg=-43.99, longitude_deg=170.46, elevation_m=1029.0)
 PAPER_FIELD_DEG = 1.635
 """Field width of the paper's telescope: an ASI1600 behind 620 mm of focal length."""
 CLEAR = CloudDeck(schedule=())
 STEADY = BrightnessHistory()
 NIGHT_FRAMES = 40
 DEFAULT_SCENARIO = "intelsat-14"
+BELT_MAGNITUDES = {
+    36097: 12.2,
+    39172: 11.9,
+    38867: 12.4,
+    42432: 11.9,
+    49332: 14.5,
+    41382: 12.3,
+    32768: 12.5,
+    42740: 12.0,
+    38749: 12.1,
+    39078: 12.2,
+    35942: 12.6,
+    42934: 12.3,
+    40874: 12.4,
+    36792: 12.1,
+    39008: 11.8,
+    41592: 12.3,
+}
+"""Standard magnitude of each geostationary satellite by catalogue number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +83,8 @@ class Scenario:
     """Electrons per second from the sky in a pixel of 1.264 arcsec, at the zenith."""
     cosmic_rays_s: float = 0.15
     """Expected number of cosmic-ray tracks per second on the paper's sensor."""
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Settings of the program, by section, that this night needs beside the demo's own."""
 
     @property
     def target(self) -> ScenarioSatellite | None:
@@ -92,7 +117,15 @@ def scenario_named(name: str) -> Scenario:
 @lru_cache(maxsize=1)
 def all_scenarios() -> dict[str, Scenario]:
     """Scenarios by name, the default first."""
-    scenarios = (_intelsat_14(), _ses_10(), _intelsat_21(), _cloud_bank(), _empty())
+    scenarios = (
+        _intelsat_14(),
+        _cluster(),
+        _low_pass(),
+        _ses_10(),
+        _intelsat_21(),
+        _cloud_bank(),
+        _empty(),
+    )
     return {scenario.name: scenario for scenario in scenarios}
 
 
@@ -108,47 +141,98 @@ def _element_sets() -> dict[int, ElementSet]:
     return {element_set.norad_id: element_set for element_set in sets}
 
 
-def _satellites(
-    magnitudes: dict[int, float], brightness: dict[int, BrightnessHistory] | None = None
+def _belt(
+    brightness: Mapping[int, BrightnessHistory] | None = None,
 ) -> tuple[ScenarioSatellite, ...]:
-    sets = _element_sets()
+    """Every geostationary satellite of the catalogue; ``brightness``: of those not steady."""
     return tuple(
-        ScenarioSatellite(
-            element_set=sets[norad_id],
-            standard_magnitude=magnitude,
-            brightness=(brightness or {}).get(norad_id, STEADY),
-        )
-        for norad_id, magnitude in magnitudes.items()
+        _satellite(norad_id, magnitude, (brightness or {}).get(norad_id, STEADY))
+        for norad_id, magnitude in BELT_MAGNITUDES.items()
+    )
+
+
+def _satellite(
+    norad_id: int, magnitude: float, brightness: BrightnessHistory = STEADY
+) -> ScenarioSatellite:
+    return ScenarioSatellite(
+        element_set=_element_sets()[norad_id],
+        standard_magnitude=magnitude,
+        brightness=brightness,
     )
 
 
 def _intelsat_14() -> Scenario:
     """The paper reports a handful of missed detections and of a loss in the last frames, under a
     clear sky, and does not say why. Here the satellite itself fades: once a slow turn shows
-    a side darker by two and a half magnitudes, and near the end it dims for good, as a panel does
-    that leaves the mirror. That is a stand-in: nobody measured it, and a satellite in service
-    does not turn like this. A star under an end of the streak takes another frame.
+    a side darker by two and a half magnitudes, and after a quarter of an hour it dims for six
+    minutes, as a panel does that leaves the mirror; every forty minutes all of it comes again.
+    That is a stand-in: nobody measured it, and a satellite in service does not turn like this. A
+    star under an end of the streak takes another frame.
 
     Real objects between 2 and 3 deg away (Intelsat 11, Intelsat 32e, WGS F3, SES 14) are left
     out, so that the sweep can meet only one; the neighbours kept lie beyond its ends.
     """
     fading = BrightnessHistory(
-        schedule=((0.0, 0.0), (930.0, 0.0), (1110.0, 5.0)),
+        schedule=((0.0, 0.0), (930.0, 0.0), (1110.0, 5.0), (1260.0, 5.0), (1440.0, 0.0)),
         # Steeper slopes would hide one end of a streak and shift its middle.
         turning=PeriodicFading(
             period_s=600.0, first_s=330.0, depth_mag=2.5, sharpness=3, jitter_s=20.0, last_s=400.0
         ),
+        repeats_s=2400.0,
     )
     return Scenario(
         name="intelsat-14",
         title="Intelsat 14, a clear night",
-        description="one satellite, found by a sweep of the belt; it fades now and then, and away",
+        description="one satellite, found by a sweep of the belt; it fades, is gone, comes back",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T05:30:00Z"),
-        satellites=_satellites({36097: 12.2, 39172: 11.9, 38867: 12.4}, {36097: fading}),
+        satellites=_belt({36097: fading}),
         target_norad_id=36097,
         target_hour_angle_deg=-41.02,
         start_hour_angle_deg=-39.5,
         start_declination_deg=-4.70,
+    )
+
+
+def _cluster() -> Scenario:
+    """Amazonas 2, 3 and 5 at 61.0 W and EchoStar 15, 16 and 18 at 61.3 to 61.8 W: 0.8 deg from the
+    first to the last. The sweep's second field has them all.
+    """
+    return Scenario(
+        name="cluster",
+        title="Six satellites at 61 to 62 deg west",
+        description="six satellites in one field, all of them followed at once",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
+        satellites=_belt(),
+        target_norad_id=41592,
+        target_hour_angle_deg=-22.60,
+        start_hour_angle_deg=-21.2,
+        start_declination_deg=-4.83,
+        settings={"aim": {"policy": "group"}},
+    )
+
+
+def _low_pass() -> Scenario:
+    """The last stage of the rocket that took Vanguard 2 to orbit in 1959: twenty minutes over Mount
+    John in New Zealand, all the way within the shipped stars. It comes by where the telescope
+    stares after some 20 s.
+    """
+    return Scenario(
+        name="low-pass",
+        title="A rocket of 1959 passes over Mount John",
+        description="a low satellite comes by; the telescope leaps ahead of it and waits there",
+        t_start_utc_ns=iso_to_utc_ns("2023-06-23T16:31:20Z"),
+        satellites=(_satellite(12, 13.3),),
+        target_norad_id=12,
+        target_hour_angle_deg=None,
+        start_hour_angle_deg=11.09,
+        start_declination_deg=8.11,
+        frames=250,
+        site=MOUNT_JOHN,
+        settings={
+            "exposure": {"exposure_s": 1.0, "cadence_s": 6.0},
+            "search": {"pattern": "stay"},
+            "leap": {"enabled": True},
+        },
     )
 
 
@@ -163,7 +247,7 @@ def _ses_10() -> Scenario:
         title="SES-10 with SES-17 beside it",
         description="two satellites 0.18 deg apart in one field, the fainter one a rival",
         t_start_utc_ns=iso_to_utc_ns("2023-06-22T07:01:00Z"),
-        satellites=_satellites({42432: 11.9, 49332: 14.5, 41382: 12.3, 32768: 12.5, 42740: 12.0}),
+        satellites=_belt(),
         target_norad_id=42432,
         target_hour_angle_deg=-16.26,
         start_hour_angle_deg=-14.8,
@@ -182,7 +266,7 @@ def _intelsat_21() -> Scenario:
         title="Intelsat 21 through thin clouds",
         description="20 min of thin clouds: up to 2 mag fainter, tracked on; hidden once",
         t_start_utc_ns=iso_to_utc_ns("2023-06-23T06:00:00Z"),
-        satellites=_satellites({38749: 12.1, 39078: 12.2, 35942: 12.6, 42934: 12.3, 40874: 12.4}),
+        satellites=_belt(),
         target_norad_id=38749,
         target_hour_angle_deg=-26.39,
         start_hour_angle_deg=-24.9,

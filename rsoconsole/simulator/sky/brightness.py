@@ -1,7 +1,7 @@
 """Extra magnitudes of a satellite through a night, on top of range, phase and shadow.
 
 A rotating satellite shows a bright and a dark side in turn; one whose panel stops reflecting the
-Sun towards the site fades for the rest of the night. Both are functions of time, so that exposures
+Sun towards the site fades until it does so again. Both are functions of time, so that exposures
 can be drawn in any order.
 """
 
@@ -49,9 +49,12 @@ class BrightnessHistory:
     schedule: tuple[tuple[float, float], ...] = ()
     """Nodes (seconds since the scenario's start, magnitudes lost), linear in between."""
     turning: PeriodicFading | None = None
+    repeats_s: float | None = None
+    """Seconds after which all of it begins again; None: the last node holds on."""
 
     def extra_mag(self, t_s: FloatArray, seed: int) -> FloatArray:
         """Magnitudes lost (n,) at these seconds after the scenario's start."""
+        t_s = np.asarray(t_s) if self.repeats_s is None else np.mod(t_s, self.repeats_s)
         extra = np.zeros(np.shape(t_s))
         if self.schedule:
             times, magnitudes = zip(*self.schedule, strict=True)

@@ -18,6 +18,8 @@ from rsoconsole.tracking.filters import bank_update, lqe
 from rsoconsole.tracking.filters.agreement import streak_axis
 from rsoconsole.tracking.filters.bank import Bank, BankMeasurement
 from rsoconsole.tracking.filters.bank_update import BankInnovation
+from rsoconsole.tracking.filters.factors import NO_FACTORS, NoiseFactors, noise_factors
+from rsoconsole.tracking.filters.motions import MOTION_PRIORS, MOTIONS, unknown_bend_prior
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, TURN, VX, VY, TangentPlane
 from rsoconsole.tracking.filters.streak_length import NO_ERRORS, StreakErrors
 
@@ -77,14 +79,23 @@ def initialise(
     Raises ValueError when the second is not the later one.
     """
     dt_s = lqe.time_between_s(first, second)
-    one = _position(first, settings, StreakErrors(along_arcsec[0]))
-    two = _position(second, settings, StreakErrors(along_arcsec[1]))
+    one = _position(first, StreakErrors(along_arcsec[0]))
+    two = _position(second, StreakErrors(along_arcsec[1]))
     way = TangentPlane.at(one.ra_icrs_deg, one.dec_icrs_deg).project_arcsec(
         two.ra_icrs_deg, two.dec_icrs_deg
     )
     rate = (float(way[0]) / dt_s, float(way[1]) / dt_s)
-    bank = banks.initiate_bank(one, rate, bend, is_shutter_known=is_shutter_known)
-    bank = bank_update.update(banks.predict(bank, two.t_utc_ns, _roots(settings)), two).after
+    factors = noise_factors(settings)
+
+    def begun(with_factors: NoiseFactors) -> Bank:
+        return banks.initiate_bank(
+            one, rate, bend, is_shutter_known=is_shutter_known, factors=with_factors
+        )
+
+    bank = begun(factors)
+    if factors.is_held:
+        bank = replace(bank, learning=begun(NO_FACTORS))
+    bank = bank_update.update(banks.predict(bank, two.t_utc_ns, factors), two, factors).after
     return _state(bank, along_arcsec[1], **lqe.first_state_fields(first, second, track_id))
 
 
@@ -95,7 +106,7 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
         said = state.mixture  # no prediction changes what is believed of scatter
         known = (said.scatter_s, said.scatter_low_s, said.scatter_high_s)
     return _state(
-        banks.predict(_bank_of(state), t_utc_ns, _roots(settings)),
+        banks.predict(_bank_of(state), t_utc_ns, noise_factors(settings)),
         scatter_s=known,
         **lqe.next_state_fields(state, frame_id, misses=state.misses + 1),
     )
@@ -111,8 +122,8 @@ def innovations(
     Each measurement comes with the errors that its streak's shape indicates. An update needs one of
     the results.
     """
-    positions = [_position(m, settings, errors) for m, errors in measured]
-    return bank_update.bank_innovations(_bank_of(predicted), positions)
+    positions = [_position(m, errors) for m, errors in measured]
+    return bank_update.bank_innovations(_bank_of(predicted), positions, noise_factors(settings))
 
 
 def update_with_innovation(
@@ -163,14 +174,13 @@ def log_det_innovation(
     predicted: TrackState, measurement: Measurement, settings: FilterConfig
 ) -> float:
     """Return the natural log of the determinant of the innovation covariance (in arcsec^4)."""
-    found = bank_update.bank_innovation(_bank_of(predicted), _position(measurement, settings))
+    factors = noise_factors(settings)
+    found = bank_update.bank_innovation(_bank_of(predicted), _position(measurement), factors)
     return float(np.linalg.slogdet(bank_update.innovation_covariance_of(found))[1])
 
 
-def _position(
-    measurement: Measurement, settings: FilterConfig, errors: StreakErrors = NO_ERRORS
-) -> BankMeasurement:
-    noise = lqe.measurement_noise(measurement, settings) * lqe.ARCSEC_PER_DEG**2
+def _position(measurement: Measurement, errors: StreakErrors = NO_ERRORS) -> BankMeasurement:
+    noise = lqe.own_noise(measurement) * lqe.ARCSEC_PER_DEG**2
     # An ellipse whatever a file may claim: what is more than correlated has no density.
     most = _MAX_CORRELATED * math.sqrt(noise[0, 0] * noise[1, 1])
     noise[0, 1] = noise[1, 0] = min(max(noise[0, 1], -most), most)
@@ -191,17 +201,10 @@ def _position(
     )
 
 
-def _roots(settings: FilterConfig) -> FloatArray | None:
-    """Square roots of the operator's factors of Q, in the order of a motion."""
-    ra, ra_rate, dec, dec_rate = lqe.q_multipliers(settings)
-    factors = np.array([ra, dec, ra_rate, dec_rate, 1.0, 1.0]) * settings.q_multiplier
-    return None if np.all(factors == 1.0) else np.sqrt(factors)
-
-
 def _bank_of(state: TrackState) -> Bank:
     if isinstance(state.memory, _Memory) and state.memory.x == state.x:
         return state.memory.bank
-    return _from_record(state)
+    return bank_from_record(state)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +217,7 @@ class _Memory:
     """(2, 2) innovation covariance of the update that made it, arcsec^2."""
 
 
-def _from_record(state: TrackState) -> Bank:
+def bank_from_record(state: TrackState) -> Bank:
     """Make a bank that agrees with a recorded state."""
     cos_dec = max(math.cos(math.radians(state.x[2])), 1e-3)
     to_sky = np.array([cos_dec, 1.0, cos_dec, 1.0]) * lqe.ARCSEC_PER_DEG
@@ -227,9 +230,9 @@ def _from_record(state: TrackState) -> Bank:
     own = covariance[:4, :4] - np.diag([COMMON_ARCSEC**2, COMMON_ARCSEC**2, 0.0, 0.0])
     if np.all(np.linalg.eigvalsh(own) > 0.0):  # another preset's knows nothing of what is common
         covariance[:4, :4] = own
-    weights, scatter_s, variance_scale = list(banks.MOTION_PRIORS), 0.0, 1.0
+    weights, scatter_s, variance_scale = list(MOTION_PRIORS), 0.0, 1.0
     if said is None:
-        covariance[ACCELERATION:, ACCELERATION:] = banks.unknown_bend_prior(
+        covariance[ACCELERATION:, ACCELERATION:] = unknown_bend_prior(
             math.hypot(*motion[VX : VY + 1])
         )[1]
     else:
@@ -237,7 +240,7 @@ def _from_record(state: TrackState) -> Bank:
         covariance[ACCELERATION, ACCELERATION] = said.acceleration_sigma_arcsec_s2**2
         covariance[TURN, TURN] = said.turn_sigma**2
         known = dict(said.motion_probabilities)
-        weights = [known.get(name, 0.0) for name in banks.MOTIONS]
+        weights = [known.get(name, 0.0) for name in MOTIONS]
         scatter_s, variance_scale = said.scatter_s, said.variance_scale
     plane = TangentPlane.at(state.x[0], state.x[2])
     return banks.bank_of_equal_filters(
@@ -280,7 +283,7 @@ def _state(
         P=tuple(map(tuple, ((P + P.T) / 2.0).tolist())),
         mixture=Mixture(
             motion_probabilities=tuple(
-                zip(banks.MOTIONS, bank.motion_probabilities.tolist(), strict=True)
+                zip(MOTIONS, bank.motion_probabilities.tolist(), strict=True)
             ),
             acceleration_arcsec_s2=float(mean[ACCELERATION]),
             acceleration_sigma_arcsec_s2=math.sqrt(

@@ -23,18 +23,24 @@ import numpy as np
 import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
+from rsoconsole.tracking.filters.factors import NO_FACTORS, NoiseFactors
+from rsoconsole.tracking.filters.motions import (
+    ANY_ORBIT,
+    MOTION_PRIORS,
+    MOTIONS,
+    PARALLEL,
+    motion_noise,
+    unknown_bend_prior,
+)
 from rsoconsole.tracking.filters.sky_path import (
     ACCELERATION,
     ARCSEC_RAD,
-    TURN,
     TangentPlane,
     constant_rate_bend,
     plane_after,
     propagate_with_jacobian,
 )
 
-MOTIONS = ("parallel", "great circle", "any orbit", "changing orbit")
-PARALLEL, GREAT_CIRCLE, ANY_ORBIT = range(3)
 VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
 """Factors on a measurement's own variances, across the motion as well as along it."""
 MAX_SCATTER_S = 3.0
@@ -74,16 +80,8 @@ COARSE = FilterGrid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
 """Grid for tracks beside the lead where there are many: every second scale and scatter."""
 _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
 """Powers with which the prior of a scatter falls; the second where the shutter's is calibrated."""
-MOTION_PRIORS = (0.3, 0.1, 0.4, 0.2)
 _VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
 MIN_WEIGHT = 1e-12
-_CALM_Q, _OPEN_Q = 3e-9, 1e-8
-"""White acceleration, arcsec^2/s^3, at 15 arcsec/s; with the third power of the rate elsewhere."""
-_CALM_RATE_ARCSEC_S = 15.0
-_CHANGES, _OVER_RAD = np.array([0.006, 0.006, 0.5, 4.0]), 0.02
-"""Sigma of the change of turn over a radian of path, by motion; path of random changes, rad."""
-_GOES_ON = np.array([0.0, 0.0, 1.5, 1.5])
-"""Least change of that kind, by motion, over a longer coast."""
 _LONGEST_STEP_S, _MAX_STEPS = 120.0, 60
 _WIDENED = 2.0
 """Factor on the variances that the admissible region leaves: it is no census."""
@@ -95,6 +93,10 @@ _BELIEVED = 1e-9
 """Least weight of a filter that counts in the mixture."""
 _OF_RATE = 0.5
 """Relative sigma of the first rate: the places alone should determine it."""
+
+
+UPDATES_TO_LEARN = 30
+"""Updates of a track after which what it has learnt of the measured noise can be held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +116,21 @@ class Bank:
     length_log_odds: float = 0.0
     """Logarithm of the odds that streak lengths indicate their error rightly, not too large."""
     grid: FilterGrid = FINE
+    updates: int = 0
+    """Number of measurements since the bank was started."""
+    learning: "Bank | None" = None
+    """The same bank without factors, from which a held one that is young takes its noise."""
 
     @functools.cached_property
     def weights(self) -> FloatArray:
         """(N,) probabilities of the filters."""
         each = np.exp(self.log_weights - self.log_weights.max())
         return np.asarray(each / each.sum())
+
+    @property
+    def filter_motions(self) -> npt.NDArray[np.intp]:
+        """(N,) index of each filter's motion in ``MOTIONS``."""
+        return np.repeat(np.arange(len(MOTIONS)), self.grid.filters_per_motion)
 
     @property
     def motion_probabilities(self) -> FloatArray:
@@ -180,6 +191,7 @@ def initiate_bank(
     bend: tuple[FloatArray, FloatArray] | None,
     *,
     is_shutter_known: bool = False,
+    factors: NoiseFactors = NO_FACTORS,
 ) -> Bank:
     """Start a bank at one direction, with a rate (east, north) of large uncertainty.
 
@@ -201,6 +213,7 @@ def initiate_bank(
     covariances[..., :2, :2] += (SCATTERS_S**2)[
         :, None, None
     ] * along + first.length_error_covariance(ahead)
+    covariances[..., :2, :2] = factors.of_measured(covariances[..., :2, :2])
     covariances[..., 2, 2] = covariances[..., 3, 3] = (_OF_RATE * speed) ** 2
     covariances[ANY_ORBIT:, ..., ACCELERATION:, ACCELERATION:] = _WIDENED * spread
     likely = SCATTERS_S ** -(_SCATTER_FALLS_KNOWN if is_shutter_known else _SCATTER_FALLS)
@@ -215,23 +228,21 @@ def initiate_bank(
     )
 
 
-def predict(bank: Bank, t_utc_ns: int, roots: FloatArray | None = None) -> Bank:
-    """Predict the bank to another instant, later or earlier.
-
-    ``roots`` (6,): square roots of the operator's factors on the process noise; None: all 1.
-    """
+def predict(bank: Bank, t_utc_ns: int, factors: NoiseFactors = NO_FACTORS) -> Bank:
+    """Predict the bank to another instant, later or earlier."""
     left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
     steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MAX_STEPS)
-    scale = np.ones((6, 6)) if roots is None else np.outer(roots, roots)
+    learning = None
+    if factors.is_held and bank.updates < UPDATES_TO_LEARN:
+        learning = predict(bank.learning or bank, t_utc_ns)
     for _ in range(steps if left_s else 0):
-        bank = _stepped(bank, left_s / steps, scale)
-    return replace(bank, t_utc_ns=t_utc_ns)
+        bank = _stepped(bank, left_s / steps, factors)
+    return replace(bank, t_utc_ns=t_utc_ns, learning=learning)
 
 
-def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
-    means = bank.means.copy()
-    per_motion = bank.grid.filters_per_motion
-    parallel = slice(PARALLEL * per_motion, (PARALLEL + 1) * per_motion)
+def _stepped(bank: Bank, dt_s: float, factors: NoiseFactors) -> Bank:
+    motion, means = bank.filter_motions, bank.means.copy()
+    parallel = motion == PARALLEL
     _, dec_deg = bank.plane.direction_deg
     means[parallel, ACCELERATION:] = constant_rate_bend(
         dec_deg + means[parallel, 1] / 3600.0, means[parallel, 2:4]
@@ -240,14 +251,14 @@ def _stepped(bank: Bank, dt_s: float, scale: FloatArray) -> Bank:
     onto = plane_after(bank.plane, mean, dt_s)
     after, slopes = propagate_with_jacobian(bank.plane, means, dt_s, onto)
     covariances = slopes @ bank.covariances @ np.swapaxes(slopes, -1, -2)
+    noise = motion_noise(means, motion, dt_s, bank.path_since_update_rad)
     length = np.hypot(means[:, 2], means[:, 3]) * abs(dt_s) * ARCSEC_RAD
-    covariances = covariances + scale * _noise(means, dt_s, bank.path_since_update_rad, length)
     return _sound(
         replace(
             bank,
             plane=onto,
             means=after,
-            covariances=covariances,
+            covariances=covariances + factors.of_process(noise),
             path_since_update_rad=bank.path_since_update_rad + length,
         )
     )
@@ -317,38 +328,6 @@ def _which_are_sound(bank: Bank) -> npt.NDArray[np.bool_]:
     return np.asarray(is_small.all(axis=1) & np.isfinite(bank.means[:, ACCELERATION:]).all(axis=1))
 
 
-def _noise(
-    means: FloatArray, dt_s: float, path_since_update_rad: FloatArray, length_rad: FloatArray
-) -> FloatArray:
-    """(N, 6, 6) process noise; over a coast the path goes on changing the same way."""
-    span = abs(dt_s)
-    speed = np.hypot(means[:, 2], means[:, 3])
-    motion = np.arange(len(means)) // (len(means) // len(MOTIONS))
-    is_open = motion >= ANY_ORBIT
-    q = np.where(is_open, _OPEN_Q, _CALM_Q) * (speed / _CALM_RATE_ARCSEC_S) ** 3
-    noise = np.zeros((len(means), 6, 6))
-    for place, rate in ((0, 2), (1, 3)):
-        noise[:, place, place] = q * span**3 / 3.0
-        noise[:, place, rate] = noise[:, rate, place] = q * dt_s * span / 2.0
-        noise[:, rate, rate] = q * span
-    until = path_since_update_rad + length_rad
-    at_random = _CHANGES[motion] ** 2 * np.minimum(length_rad, _OVER_RAD) * _OVER_RAD
-    goes_on = np.maximum(_CHANGES, _GOES_ON)[motion] ** 2 * (until**2 - path_since_update_rad**2)
-    turned = np.maximum(at_random, np.where(until > _OVER_RAD, goes_on, 0.0))
-    noise[:, TURN, TURN] = turned
-    noise[:, ACCELERATION, ACCELERATION] = turned * (speed**2 * ARCSEC_RAD) ** 2
-    return noise
-
-
-def unknown_bend_prior(speed_arcsec_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return the prior of an unknown path's change of speed (arcsec/s^2) and turn.
-
-    As mean (2,) and covariance (2, 2).
-    """
-    gain = speed_arcsec_s**2 * ARCSEC_RAD
-    return np.zeros(2), np.diag([gain**2, 1.0])
-
-
 def restarted_bank(
     bank: Bank,
     direction_deg: tuple[float, float],
@@ -378,6 +357,8 @@ def restarted_bank(
         means=np.repeat(means, per_motion, axis=0),
         covariances=covariances.reshape(-1, 6, 6),
         path_since_update_rad=np.zeros(len(MOTIONS) * per_motion),
+        learning=bank.learning
+        and restarted_bank(bank.learning, direction_deg, rate_arcsec_s, covariance, bend),
     )
 
 
@@ -407,6 +388,7 @@ def coarse_bank(bank: Bank) -> Bank:
         log_weights=np.log(weights),
         path_since_update_rad=share @ bank.path_since_update_rad,
         grid=COARSE,
+        learning=bank.learning and coarse_bank(bank.learning),
     )
 
 
@@ -447,4 +429,5 @@ def bank_of_equal_filters(  # noqa: PLR0917 -- all that one filter says
         covariances=covariances,
         log_weights=np.log(weights.ravel()),
         path_since_update_rad=np.zeros(every),
+        updates=UPDATES_TO_LEARN,
     )

@@ -3,7 +3,8 @@
 An innovation costs a fraction of an update, and most pairs of a track and a measurement in a
 crowded field need only that. A measurement has three hypotheses: its streak's length indicates the
 error rightly; it indicates too large an error; the measurement is wrong (one in a hundred). Each
-filter is updated with their mixture.
+filter is updated with their mixture. While the noise is held each filter is a plain Kalman filter
+with the noise expected of a sound measurement, and only motions are weighed against each other.
 """
 
 import math
@@ -14,13 +15,14 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking.filters.bank import (
-    ANY_ORBIT,
-    GREAT_CIRCLE,
     MIN_WEIGHT,
+    UPDATES_TO_LEARN,
     VARIANCE_SCALES,
     Bank,
     BankMeasurement,
 )
+from rsoconsole.tracking.filters.factors import NO_FACTORS, NoiseFactors
+from rsoconsole.tracking.filters.motions import ANY_ORBIT, GREAT_CIRCLE, MOTIONS
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, TangentPlane, propagate_onto_plane
 
 _MIN_SHARE = 1e-14
@@ -161,11 +163,13 @@ class BankInnovation:
     """(2,) place of the measurement on the bank's plane, arcsec."""
     with_length: FilterInnovations
     without_length: FilterInnovations | None
-    """Innovations if the streak's length indicates too large an error; None: it indicates none."""
-    rare: FilterInnovations
-    """Innovations if the measurement has gone wrong."""
+    """Innovations if the streak's length indicates too large an error; None: no such hypothesis."""
+    rare: FilterInnovations | None
+    """Innovations if the measurement has gone wrong; None: the noise is held."""
     nis: float
     """NIS as in ``BankUpdate``."""
+    learning: "BankInnovation | None" = None
+    """The same of the bank from which a young held one takes its noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,13 +185,19 @@ class BankUpdate:
     """(2, 2) covariance of the mixture's innovation, arcsec^2."""
 
 
-def bank_innovation(bank: Bank, seen: BankMeasurement) -> BankInnovation:
+def bank_innovation(
+    bank: Bank, seen: BankMeasurement, factors: NoiseFactors = NO_FACTORS
+) -> BankInnovation:
     """Compute the innovation of a measurement at the bank's instant, without the update."""
-    return bank_innovations(bank, (seen,))[0]
+    return bank_innovations(bank, (seen,), factors)[0]
 
 
-def bank_innovations(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankInnovation]:
+def bank_innovations(
+    bank: Bank, seen: Sequence[BankMeasurement], factors: NoiseFactors = NO_FACTORS
+) -> list[BankInnovation]:
     """Compute the innovations of several measurements at the bank's instant."""
+    if factors.is_held:
+        return _held_innovations(bank, seen, factors)
     places = [bank.plane.project_arcsec(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
     off = [place - bank.means[:, :2] for place in places]
     # Where its length says something, also as if it said too much.
@@ -196,9 +206,9 @@ def bank_innovations(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankIn
         for n, each in enumerate(seen)
         if each.along_arcsec != 0.0
     }
-    speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
-    noise = [_measured_noise(bank, speed, each) for each in (*seen, *less.values())]
-    noise += [_rare_noise(bank, speed, each) for each in seen]
+    noise = [_measured_noise(bank, each) for each in (*seen, *less.values())]
+    noise += [_rare_noise(bank, each) for each in seen]
+    noise = [factors.of_measured(each) for each in noise]
     found = filter_innovations(bank.covariances, [*off, *(off[n] for n in less), *off], noise)
     with_length, rare = found[: len(seen)], found[-len(seen) :]
     without_length = dict(zip(less, found[len(seen) :], strict=False))
@@ -215,42 +225,95 @@ def bank_innovations(bank: Bank, seen: Sequence[BankMeasurement]) -> list[BankIn
                 with_length=with_length[n],
                 without_length=without_length.get(n),
                 rare=rare[n],
-                nis=-2.0 * min(log_sum_exp(log_weights - 0.5 * nis), 0.0),
+                nis=_mixture_nis(log_weights, nis),
             )
         )
     return each_of
 
 
-def update(bank: Bank, seen: BankMeasurement) -> BankUpdate:
+def _held_innovations(
+    bank: Bank, seen: Sequence[BankMeasurement], factors: NoiseFactors
+) -> list[BankInnovation]:
+    places = [bank.plane.project_arcsec(each.ra_icrs_deg, each.dec_icrs_deg) for each in seen]
+    off = [place - bank.means[:, :2] for place in places]
+    noise = [factors.of_measured(expected_noise(bank, each)) for each in seen]
+    found = filter_innovations(bank.covariances, off, noise)
+    log_weights = _log_weights(bank)
+    learning: Sequence[BankInnovation | None] = [None] * len(seen)
+    if bank.learning is not None:
+        learning = bank_innovations(bank.learning, seen)
+    return [
+        BankInnovation(
+            bank=bank,
+            place=place,
+            with_length=each,
+            without_length=None,
+            rare=None,
+            nis=_mixture_nis(log_weights, each.nis),
+            learning=taught_by,
+        )
+        for place, each, taught_by in zip(places, found, learning, strict=True)
+    ]
+
+
+def _mixture_nis(log_weights: FloatArray, nis: FloatArray) -> float:
+    return -2.0 * min(log_sum_exp(log_weights - 0.5 * nis), 0.0)
+
+
+def update(bank: Bank, seen: BankMeasurement, factors: NoiseFactors = NO_FACTORS) -> BankUpdate:
     """Update a bank with a measurement at its instant."""
-    return update_from_innovation(bank_innovation(bank, seen))
+    return update_from_innovation(bank_innovation(bank, seen, factors))
 
 
 def update_from_innovation(found: BankInnovation) -> BankUpdate:
     """Complete the update of a bank with a measurement, from its innovation."""
     bank, log_weights = found.bank, _log_weights(found.bank)
-    plain, length_log_odds = _plain(found, log_weights)
-    both = merged_filter_updates(plain, filter_updates(bank.covariances, found.rare), RARE)
-    total = log_weights + both.log_likelihoods
-    log_likelihood = log_sum_exp(total)
+    learning, length_log_odds = None, bank.length_log_odds
+    if found.rare is None:
+        each = filter_updates(bank.covariances, found.with_length)
+        if found.learning is not None:
+            learning = update_from_innovation(found.learning).after
+            length_log_odds = learning.length_log_odds
+        updated = _held_log_weights(log_weights + each.log_likelihoods, learning or bank)
+    else:
+        plain, length_log_odds = _plain(found, log_weights)
+        each = merged_filter_updates(plain, filter_updates(bank.covariances, found.rare), RARE)
+        updated = log_weights + each.log_likelihoods
+        updated -= log_sum_exp(updated)
     after = replace(
         bank,
-        means=bank.means + both.steps,
-        covariances=both.covariances,
-        log_weights=np.maximum(total - log_likelihood, math.log(MIN_WEIGHT)),
+        means=bank.means + each.steps,
+        covariances=each.covariances,
+        log_weights=np.maximum(updated, math.log(MIN_WEIGHT)),
         path_since_update_rad=np.zeros(len(log_weights)),
         length_log_odds=length_log_odds,
+        updates=bank.updates + 1,
+        learning=learning if bank.updates + 1 < UPDATES_TO_LEARN else None,
     )
-    per_motion = bank.grid.filters_per_motion
-    calm = slice(0, ANY_ORBIT * per_motion)
-    after.covariances[calm, ACCELERATION:, :] = after.covariances[calm, :, ACCELERATION:] = 0.0
-    after.means[GREAT_CIRCLE * per_motion : ANY_ORBIT * per_motion, ACCELERATION:] = 0.0
+    motion = bank.filter_motions
+    is_calm = motion < ANY_ORBIT
+    after.covariances[is_calm, ACCELERATION:, :] = 0.0
+    after.covariances[is_calm, :, ACCELERATION:] = 0.0
+    after.means[motion == GREAT_CIRCLE, ACCELERATION:] = 0.0
     return BankUpdate(
         after=_centred(after),
         nis=found.nis,
         innovation=found.place - bank.weights @ bank.means[:, :2],
         covariance=innovation_covariance_of(found),
     )
+
+
+def _held_log_weights(updated: FloatArray, believed: Bank) -> FloatArray:
+    """Return logarithms of weights (N,) with the probabilities of noise that a bank believes.
+
+    ``updated`` (N,): the weights as likelihoods have made them; only the shares of the motions in
+    each kind of noise stay.
+    """
+    by_noise = updated.reshape(len(MOTIONS), -1)
+    most = by_noise.max(axis=0)
+    shares = by_noise - most - np.log(np.exp(by_noise - most).sum(axis=0))
+    known = believed.weights.reshape(len(MOTIONS), -1).sum(axis=0)
+    return np.asarray((shares + np.log(np.maximum(known, MIN_WEIGHT))).ravel())
 
 
 def innovation_covariance_of(found: BankInnovation) -> FloatArray:
@@ -294,24 +357,33 @@ def _centred(bank: Bank) -> Bank:
     return replace(bank, plane=onto, means=propagate_onto_plane(bank.plane, bank.means, 0.0, onto))
 
 
-def _measured_noise(bank: Bank, speed: FloatArray, seen: BankMeasurement) -> FloatArray:
+def expected_noise(bank: Bank, seen: BankMeasurement) -> FloatArray:
+    """Return the noise (N, 2, 2) of a sound measurement by each filter, arcsec^2.
+
+    The error that the streak's length indicates is the mean of both hypotheses of it.
+    """
+    too_much = _says_too_much(bank)
+    share = math.sqrt(1.0 - too_much + too_much * _LENGTH_SAYS_TOO_MUCH**2)
+    return _measured_noise(bank, replace(seen, along_arcsec=share * seen.along_arcsec))
+
+
+def _measured_noise(bank: Bank, seen: BankMeasurement) -> FloatArray:
     """(N, 2, 2) measured covariance, widened by each filter's factor, and its timing scatter."""
     shift = bank.means[:, 2:4] * bank.grid.filter_timing_scatters_s[:, None]
     own = bank.grid.filter_variance_scales[:, None, None] * seen.covariance
     noise = own + shift[:, :, None] * shift[:, None, :]
-    return np.asarray(_with_length_error(noise, bank, speed, seen))
+    return np.asarray(_with_length_error(noise, bank, seen))
 
 
-def _rare_noise(bank: Bank, speed: FloatArray, seen: BankMeasurement) -> FloatArray:
+def _rare_noise(bank: Bank, seen: BankMeasurement) -> FloatArray:
     """(N, 2, 2) covariance of a measurement that has gone wrong."""
     shift = bank.means[:, 2:4] * _RARE_SCATTER_S
     noise = VARIANCE_SCALES[-1] * seen.covariance + shift[:, :, None] * shift[:, None, :]
-    return np.asarray(_with_length_error(noise, bank, speed, seen))
+    return np.asarray(_with_length_error(noise, bank, seen))
 
 
-def _with_length_error(
-    noise: FloatArray, bank: Bank, speed: FloatArray, seen: BankMeasurement
-) -> FloatArray:
+def _with_length_error(noise: FloatArray, bank: Bank, seen: BankMeasurement) -> FloatArray:
     if seen.along_arcsec == 0.0:
         return noise
+    speed = np.maximum(np.hypot(bank.means[:, 2], bank.means[:, 3]), 1e-3)
     return noise + seen.length_error_covariance(bank.means[:, 2:4] / speed[:, None])

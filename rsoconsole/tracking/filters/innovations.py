@@ -19,6 +19,13 @@ NIS_BAND = (0.0506, 7.3778)
 """Bounds of 95 % of the NIS of a sound filter with two degrees of freedom."""
 WINDOW = 12
 MIN_UPDATES = 5
+_CHANCE_TOO_LARGE = 1e-3
+"""Probability that the mean of a sound filter's last NIS is called too large."""
+SETTLING, ENOUGH, _TOO_SMALL = 20, 30, 1.0
+"""First updates that are left out, least updates after them, and mean NIS: the filter is too wide.
+
+A sound filter's mean of so many is that small with a probability of 4e-4.
+"""
 _MAX_STEPS = 60
 _ONE_SIDED = 0.5
 """Correlation of successive innovations from which they run on one side."""
@@ -40,10 +47,11 @@ class Consistency:
 def consistency(
     nis: Sequence[float], residuals_arcsec: Sequence[tuple[float, float]] = ()
 ) -> Consistency:
-    """Judge the consistency of a filter by its last ``WINDOW`` updates.
+    """Judge the consistency of a filter by its updates since its settings were last changed.
 
     Oldest first, for each update: ``nis``, its NIS, and ``residuals_arcsec``, its innovation (east,
-    north).
+    north). That NIS are too large, the last ``WINDOW`` tell; that they are too small, all that
+    follow on the first ``SETTLING``.
     """
     recent = list(nis)[-WINDOW:]
     count = len(recent)
@@ -52,21 +60,22 @@ def consistency(
         mean = sum(recent) / count if count else None
         return Consistency(verdict="too few", mean=mean, count=count, words=words)
     mean = sum(recent) / count
-    low, high = mean_nis_band(count)
+    settled = list(nis)[SETTLING:]
     verdict: Verdict = "sound"
     words = "in band"
-    if mean > high:
+    if mean > _mean_exceeded(count, _CHANCE_TOO_LARGE):
         verdict = "over-confident"
         axes = zip(*residuals_arcsec[-WINDOW:], strict=True)
         name = "Q" if any(_correlation(each) > _ONE_SIDED for each in axes) else "R"
         above = sum(value > NIS_BAND[1] for value in recent)
         what = f"{above} of the last {count} NIS above {NIS_BAND[1]:.1f}"
         if not above:
-            what = f"mean NIS {mean:.1f} (ideal 2) over the last {count}"
+            what = f"mean NIS {mean:.1f} (ideal 2) of the last {count}"
         words = f"{name} looks too small: {what}"
-    elif mean < low:
+    elif len(settled) >= ENOUGH and sum(settled) / len(settled) <= _TOO_SMALL:
         verdict = "under-confident"
-        words = f"R looks too large: mean NIS {mean:.2f} (ideal 2) over the last {count}"
+        smaller = sum(settled) / len(settled)
+        words = f"R looks too large: mean NIS {smaller:.2f} (ideal 2) of {len(settled)}"
     return Consistency(verdict=verdict, mean=mean, count=count, words=words)
 
 

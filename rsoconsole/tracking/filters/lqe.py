@@ -19,6 +19,7 @@ import numpy as np
 from rsoconsole.config import FilterConfig
 from rsoconsole.records import FloatArray, Measurement, TrackState
 from rsoconsole.sky import wrap_180, wrap_360
+from rsoconsole.tracking.filters.factors import q_multipliers
 
 ARCSEC_PER_DEG = 3600.0
 SIGMA_FLOOR_ARCSEC = 0.10
@@ -133,8 +134,7 @@ def _first_scale(measurement: Measurement, settings: FilterConfig) -> float:
     if settings.preset == "paper":
         return 1.0
     ee, _, nn = measurement.cov_sky_arcsec2
-    ee, nn = ee * settings.r_ra_multiplier, nn * settings.r_dec_multiplier
-    variance = max((ee + nn) / 2.0, SIGMA_FLOOR_ARCSEC**2) * settings.r_multiplier
+    variance = max((ee + nn) / 2.0, SIGMA_FLOOR_ARCSEC**2)
     return min(max(variance / _SAFE_FOR_ARCSEC**2, _SMALLEST_START), 1.0)
 
 
@@ -229,7 +229,7 @@ def _adapted(predicted: TrackState, nis: float, settings: FilterConfig) -> float
     the steady one, which follows a target that changes; upwards it is steady from the first, as one
     large NIS in six is chance and would undo the safe start twentyfold.
     """
-    if settings.preset == "paper":
+    if settings.preset == "paper" or settings.is_noise_held:
         return predicted.q_scale
     excess = min(nis, _LARGEST_NIS) / NIS_AIM - 1.0
     gain = _ADAPT_GAIN
@@ -292,16 +292,6 @@ def process_noise(dt_s: float, dec_deg: float, settings: FilterConfig) -> FloatA
     return _scaled(Q, q_multipliers(settings))
 
 
-def q_multipliers(settings: FilterConfig) -> tuple[float, float, float, float]:
-    """Return the operator's factors on Q: of right ascension, its rate, declination, its rate."""
-    return (
-        settings.q_ra_multiplier,
-        settings.q_ra_rate_multiplier,
-        settings.q_dec_multiplier,
-        settings.q_dec_rate_multiplier,
-    )
-
-
 def _scaled(covariance: FloatArray, terms: tuple[float, ...]) -> FloatArray:
     """Scale each term of the diagonal by its factor; correlations stay as they are."""
     roots = np.sqrt(np.array(terms))
@@ -314,13 +304,18 @@ def measurement_noise(measurement: Measurement, settings: FilterConfig) -> Float
     if settings.preset == "paper":
         sigma = settings.sigma_arcsec / ARCSEC_PER_DEG
         return _scaled(np.diag([2.0 * sigma**2, sigma**2]) * settings.r_multiplier, terms)
+    return _scaled(own_noise(measurement) * settings.r_multiplier, terms)
+
+
+def own_noise(measurement: Measurement) -> FloatArray:
+    """Return a measurement's own covariance (2, 2) of (alpha, delta), deg^2, within bounds."""
     east, cross, north = measurement.cov_sky_arcsec2
     floor = SIGMA_FLOOR_ARCSEC**2
     on_sky = np.array([[max(east, floor), cross], [cross, max(north, floor)]])
     if not math.hypot(east, north) < SIGMA_CEILING_ARCSEC**2:
         on_sky = np.eye(2) * SIGMA_CEILING_ARCSEC**2
     to_deg = np.array([1.0 / _cos_dec(measurement.dec_icrs_deg), 1.0]) / ARCSEC_PER_DEG
-    return _scaled(on_sky * np.outer(to_deg, to_deg) * settings.r_multiplier, terms)
+    return np.asarray(on_sky * np.outer(to_deg, to_deg))
 
 
 def _initial_covariance(

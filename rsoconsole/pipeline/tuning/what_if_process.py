@@ -12,10 +12,10 @@ import threading
 import traceback
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rsoconsole.base import ChildProcess, RsoconsoleError, SessionError
 from rsoconsole.config import Config, FilterConfig
@@ -25,6 +25,7 @@ from rsoconsole.words import NO_EFFECT
 
 if TYPE_CHECKING:
     from rsoconsole.night import TrackFigures
+    from rsoconsole.pipeline.tuning.propose_inquiry import Proposal
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +34,7 @@ MAX_KEPT = 60_000
 """Largest number of records kept for the next question: a night of some 8,000 frames, 100 MB."""
 STEP_BACK = 10
 """Increment of the process's niceness, so that an engine on the same computer comes first."""
-_MODULE = "rsoconsole.pipeline.replays.what_if_process"
+_MODULE = "rsoconsole.pipeline.tuning.what_if_process"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +49,8 @@ class WhatIfQuestion:
     last: int | None = None
     """Number of last frames that count in the figures; None: all."""
     of_lead: bool = False
+    proposes: bool = False
+    """True: the answer is the Q and R with which the session's innovations are likeliest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,6 +115,15 @@ class WhatIfProcess:
 
     def ask(self, question: WhatIfQuestion) -> "TrackFigures":
         """Return the track figures of the what-if. Raises RsoconsoleError where there are none."""
+        figures: TrackFigures = self._answer_to(question)
+        return figures
+
+    def propose(self, question: WhatIfQuestion) -> "Proposal":
+        """Return the proposal of Q and R for a session. Raises RsoconsoleError as ``ask``."""
+        proposal: Proposal = self._answer_to(replace(question, proposes=True))
+        return proposal
+
+    def _answer_to(self, question: WhatIfQuestion) -> Any:
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
@@ -132,8 +144,7 @@ class WhatIfProcess:
         if isinstance(answer, UnexpectedFailure):
             log.error("%s:\n%s", NO_EFFECT, answer.traceback)
             raise SessionError(f"{NO_EFFECT} ({answer.words}): see the log")
-        figures: TrackFigures = answer
-        return figures
+        return answer
 
     def close(self) -> None:
         """End the process; an ``ask`` that is waiting for its answer fails."""
@@ -168,6 +179,7 @@ class WhatIfProcess:
 def main(socket_fd: int) -> None:
     """Answer questions one after the other, until the parent's end of the socket closes."""
     from rsoconsole.pipeline.replays.what_if_log import what_if
+    from rsoconsole.pipeline.tuning.proposal import propose
     from rsoconsole.tracking.filters import estimator
 
     os.nice(STEP_BACK)
@@ -178,12 +190,15 @@ def main(socket_fd: int) -> None:
             asked: WhatIfQuestion = connection.recv()
         except (EOFError, OSError):
             return
-        answer: TrackFigures | RsoconsoleError | UnexpectedFailure
+        answer: TrackFigures | Proposal | RsoconsoleError | UnexpectedFailure
         try:
-            records = session.records_until(asked.folder, asked.until_seq)
-            answer = what_if(
-                records, asked.config, asked.changes, asked.last, of_lead=asked.of_lead
-            )
+            if asked.proposes:
+                answer = propose([asked.folder])
+            else:
+                records = session.records_until(asked.folder, asked.until_seq)
+                answer = what_if(
+                    records, asked.config, asked.changes, asked.last, of_lead=asked.of_lead
+                )
         except RsoconsoleError as error:
             answer = error
         except Exception as error:  # the seat must hear of it, whatever it is
