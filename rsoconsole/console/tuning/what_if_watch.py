@@ -122,9 +122,9 @@ class WhatIfWatch(Poller):
         figures = TuneFigures(now=now)
         if newest is not None:
             settings = newest.update.settings
-            tried = {n: v for n, v in asked.changes.items() if n.startswith(FILTER)}
-            tried = {name.removeprefix(FILTER): value for name, value in tried.items()}
-            after = settings.model_copy(update=tried)
+            changed = {n: v for n, v in asked.changes.items() if n.startswith(FILTER)}
+            changed = {name.removeprefix(FILTER): value for name, value in changed.items()}
+            after = settings.model_copy(update=changed)
             figures = figures._replace(
                 settled=settle(newest.update, settings, newest.cadence_s),
                 settled_then=settle(newest.update, after, newest.cadence_s),

@@ -23,8 +23,7 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.pipeline.replays.refold import ReplayedFrame
 from rsoconsole.pipeline.replays.what_if_log import last_version_of_each
 from rsoconsole.records import FloatArray, Measurement, TrackState
-from rsoconsole.tracking.filters import adaptive, estimator, lqe
-from rsoconsole.tracking.filters.streak_length import StreakErrors
+from rsoconsole.tracking.filters import adaptive, estimator, lqe, streak_length
 
 LOG_2PI = math.log(2.0 * math.pi)
 
@@ -163,7 +162,7 @@ def _of_arc(arc: ReplayedTrack, settings: Mapping[str, float | str]) -> Iterator
         state = adaptive.with_coarse_bank(state)
     was_measured = False
     for step in arc.steps:
-        config, errors = in_place_of(step.settings), StreakErrors(step.along_arcsec)
+        config, errors = in_place_of(step.settings), streak_length.StreakErrors(step.along_arcsec)
         if step.by_orbit is not None and step.measurement is not None:
             state = estimator.update(step.by_orbit, step.measurement, config, errors)
             was_measured = False

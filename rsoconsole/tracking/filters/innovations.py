@@ -24,7 +24,7 @@ _CHANCE_TOO_LARGE = 1e-3
 SETTLING, ENOUGH, _TOO_SMALL = 20, 30, 1.0
 """First updates that are left out, least updates after them, and mean NIS: the filter is too wide.
 
-A sound filter's mean of so many is that small with a probability of 4e-4.
+A sound filter has so small a mean with a probability of 4e-4.
 """
 _MAX_STEPS = 60
 _ONE_SIDED = 0.5
