@@ -179,7 +179,7 @@ def test_a_track_is_not_ended_by_a_key_that_comes_twice_in_one_read(
     assert terminal.sent() == []
 
 
-@pytest.mark.parametrize("keys", ["x", "gM31x", f"nno{CTRL_X}", f"g{ESC}x", f"p{CTRL_X}", "ax"])
+@pytest.mark.parametrize("keys", ["x", f"nno{CTRL_X}", f"g{ESC}x", f"p{CTRL_X}", "ax"])
 def test_stop_acts_at_once_and_drops_what_was_typed_before_it(terminal: Seat, keys: str) -> None:
     terminal.begin()
     terminal.burst(keys)
@@ -305,6 +305,18 @@ def test_two_presses_that_came_together_are_no_two_presses_however_late_they_are
         await until(pilot, lambda: "s is held down" in pane(app, "keys"))
         await asyncio.sleep(2.0 * SETTLES_S)
         assert wire.verbs == []
+
+    play(wire, scene)
+
+
+def test_stops_letter_acts_where_no_field_has_the_focus_yet(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        burst(app, *"gM31x")
+        await until(pilot, lambda: "stop" in wire.verbs)
+        await asyncio.sleep(A_MOMENT_S)
+        assert wire.verbs == ["stop"]
+        assert app.screen is app.live
 
     play(wire, scene)
 

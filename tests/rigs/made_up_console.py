@@ -7,6 +7,7 @@
 
 import json
 import sys
+import threading
 from pathlib import Path
 
 from rsoconsole.console import run
@@ -20,14 +21,15 @@ class WritingWire(FakeWire):
     def __init__(self, session: Path, sent: Path) -> None:
         super().__init__(session)
         self.outcomes["preview"] = Outcome(ok=True, data=PREVIEW)
-        self._sent = sent
+        self._file, self._written, self._turn = sent, 0, threading.Lock()
 
     def send(self, command: Command, *, timeout_s: float = 5.0) -> Outcome:
-        known = len(self.sent)
         outcome = super().send(command, timeout_s=timeout_s)
-        with self._sent.open("a", encoding="utf-8") as file:
-            for entry in self.sent[known:]:
+        # Threads send beside each other: each command is written once.
+        with self._turn, self._file.open("a", encoding="utf-8") as file:
+            for entry in self.sent[self._written :]:
                 file.write(json.dumps(entry) + "\n")
+                self._written += 1
         return outcome
 
 
