@@ -36,7 +36,7 @@ async def taken(frames: int, session: Path) -> str:
     from rsoconsole.simulator import scenario_named
 
     scenario = scenario_named("intelsat-14")
-    config = demo_config(scenario.site, preset="tuned", keep_frames="none")
+    config = demo_config(scenario.site, preset="adaptive", keep_frames="none")
     night = SimulatedNight(
         scenario=scenario.name, seed=1, speed=SPEED, frames=None, session=session
     )

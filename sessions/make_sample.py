@@ -130,7 +130,7 @@ def record(folder: Path) -> None:
     world = world_from(WORLD)
     config = demo_config(
         scenario_named(SCENARIO).site,
-        preset="tuned",
+        preset="adaptive",
         keep_frames="all",
         catalogue=[elements_path()],
     )
