@@ -22,6 +22,7 @@ from pathlib import Path
 
 from rsoconsole.cli.demo.demo import config_for_world, demo_config
 from rsoconsole.cli.demo.demo_night import SimulatedNight, run_night
+from rsoconsole.config import with_setting
 from rsoconsole.control import (
     Accept,
     Command,
@@ -134,6 +135,8 @@ def record(folder: Path) -> None:
         keep_frames="all",
         catalogue=[elements_path()],
     )
+    # Another night that was not ended would be continued.
+    config = with_setting(config, "session.root", str(folder.parent))
     night = SimulatedNight(
         scenario=SCENARIO,
         seed=SEED,

@@ -286,7 +286,7 @@ def test_the_card_has_the_nights_figures(night):
         "intelsat-14 seed 119",
         "2023-06-23 05:30:00 to 05:47:42 UTC",
         "after 4 frames",
-        "6 of 32 frames",
+        "5 of 32 frames",
         "36, 2 kept in full",
         "TRACK 12 min",
     ):
