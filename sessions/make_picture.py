@@ -20,6 +20,7 @@ import tempfile
 from pathlib import Path
 
 PICTURE = Path(__file__).parent / "console.png"
+RED = Path(__file__).parent / "console-red.png"
 PAIR = Path(__file__).parent / "pair.png"
 SIZE = (120, 40)
 WIDTH_PX = 1600
@@ -27,16 +28,19 @@ SPEED = 20.0
 MAX_S = 300.0
 
 
-async def taken(frames: int, session: Path) -> str:
-    """The screen as SVG, when a number of frames of the demo have been followed."""
+async def taken(frames: int, session: Path) -> list[str]:
+    """The screen as SVG in its colours and in the night's red, after so many followed frames."""
     from rsoconsole.cli.demo.demo import demo_config
     from rsoconsole.cli.demo.demo_night import NightProcess, SimulatedNight
     from rsoconsole.console.app import ConsoleApp
+    from rsoconsole.console.drawing.plain import NIGHT
     from rsoconsole.control import ControlClient, Sender, Shutdown
-    from rsoconsole.simulator import scenario_named
+    from rsoconsole.simulator import elements_path, scenario_named
 
     scenario = scenario_named("intelsat-14")
-    config = demo_config(scenario.site, preset="adaptive", keep_frames="none")
+    config = demo_config(
+        scenario.site, preset="adaptive", keep_frames="none", catalogue=[elements_path()]
+    )
     night = SimulatedNight(
         scenario=scenario.name, seed=1, speed=SPEED, frames=None, session=session
     )
@@ -51,7 +55,10 @@ async def taken(frames: int, session: Path) -> str:
                 if waited_s > MAX_S:
                     raise TimeoutError("the demo did not come so far")
             await pilot.pause(1.0)
-            return app.export_screenshot(title="rsoconsole")
+            screens = [app.export_screenshot(title="rsoconsole")]
+            app.theme = NIGHT
+            await pilot.pause(1.0)
+            return [*screens, app.export_screenshot(title="rsoconsole")]
     finally:
         ControlClient(process.socket, sender=Sender(name="picture")).send(Shutdown())
         process.wait_for_figures()
@@ -86,14 +93,14 @@ def main() -> None:
         os.environ["XDG_RUNTIME_DIR"] = str(place / "run")
         for kind in ("DATA", "STATE", "CACHE", "CONFIG"):
             os.environ[f"XDG_{kind}_HOME"] = str(place / kind.lower())
-        svg = asyncio.run(taken(options.frames, place / "night"))
+        screens = asyncio.run(taken(options.frames, place / "night"))
     import resvg_py
 
-    plain = re.sub(r"@font-face \{.*?\}", "", svg, flags=re.DOTALL)
-    plain = plain.replace("Fira Code", "DejaVu Sans Mono")
-    drawn = resvg_py.svg_to_bytes(svg_string=plain, width=WIDTH_PX)
-    PICTURE.write_bytes(bytes(drawn))
-    print(f"{PICTURE}: {PICTURE.stat().st_size / 1e3:.0f} kB")
+    for path, svg in zip((PICTURE, RED), screens, strict=True):
+        plain = re.sub(r"@font-face \{.*?\}", "", svg, flags=re.DOTALL)
+        plain = plain.replace("Fira Code", "DejaVu Sans Mono")
+        path.write_bytes(bytes(resvg_py.svg_to_bytes(svg_string=plain, width=WIDTH_PX)))
+        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ LOW_LINES = 20
 TUNE_ROWS, OWN_TUNE_ROWS, SKY_ROWS = 26, 26, 18
 TUNE_COLUMNS = 36
 """Least columns of the tuning pane beside plots."""
-ORBIT_ROWS, ORBIT_COLUMNS = 8, 28
+ORBIT_ROWS, ORBIT_COLUMNS = 8, 33
 """Least rows and columns of the orbit pane where it has a place of its own."""
 PLOTS_SHARE = 0.53
 """Share of the columns of a large terminal that the plots have, at all rows: half the screen."""

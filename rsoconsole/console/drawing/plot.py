@@ -13,7 +13,7 @@ from itertools import groupby
 from typing import Literal, TypeVar, get_args
 
 TrackInk = Literal["track_0", "track_1", "track_2", "track_3", "track_4", "track_5"]
-Ink = Literal["", "dim", "good", "warn", "alarm", "title", "here", TrackInk]
+Ink = Literal["", "dim", "band", "good", "warn", "alarm", "title", "here", TrackInk]
 Line = list[tuple[str, Ink]]
 Key = TypeVar("Key")
 
@@ -94,7 +94,7 @@ class Canvas:
     def put_band(self, column: int, bound: float) -> None:
         """Shade a column between minus and plus a bound; arrows where it leaves the axis."""
         for value in (bound, -bound):
-            self.fill(column, value, SHADE, "dim")
+            self.fill(column, value, SHADE, "band")
         for value in (bound, -bound):
             if arrow := self._arrow(value, BOUND_BEYOND):
                 self.put(column, value, arrow, "dim")
@@ -215,7 +215,7 @@ def nis_plot(
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
     canvas = Canvas(width - AXIS_COLUMNS, rows, 0.0, NIS_HEADROOM * band[1])
     for column in range(canvas.columns):
-        canvas.fill(column, band[1], SHADE, "dim")
+        canvas.fill(column, band[1], SHADE, "band")
     for at, _, what in _placed(canvas, shown):
         if what.value is not None:
             is_inside = band[0] <= what.value <= band[1]

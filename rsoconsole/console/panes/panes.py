@@ -20,6 +20,7 @@ Build = Callable[[int, int], list[Line]]
 INKS = {
     "": "",
     "dim": "$text-muted",
+    "band": "$primary 60%",
     "good": "$text-success",
     "warn": "$text-warning",
     "alarm": "bold $text-error",

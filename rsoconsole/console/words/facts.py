@@ -165,7 +165,7 @@ def _followed(
     if since_s > OLD_S:
         return "last ", f"as of {utc_text(seen_ns, zone='')}", at
     if track is None or track.t_utc_ns != seen_ns:
-        return "predicted ", "", at
+        return f"at {utc_text(seen_ns, zone='')} ", "", at
     ra, dec = at[0] + track.x[1] * since_s, at[1] + track.x[3] * since_s
     return "now ", "", (ra % 360.0, min(max(dec, -90.0), 90.0))
 

@@ -229,7 +229,8 @@ def closeup_caption(picture: Picture | None, width: int = BADGE_COLUMNS) -> list
     east, _, north = followed.cov_sky_arcsec2
     place = direction(followed.ra_icrs_deg, followed.dec_icrs_deg, "measured")
     close = place.replace("α ", "α").replace("δ ", "δ")
-    ways = (f"measured {place}", f"meas {close}", place)
+    at = utc_text(followed.t_mid_utc_ns, zone="")
+    ways = (f"measured {at} {place}", f"measured {place}", f"meas {close}", place)
     said = next((each for each in ways if len(each) <= width), close)
     return [said, f"1σ ±{short_figure(math.sqrt(east))}″ ±{short_figure(math.sqrt(north))}″"]
 
