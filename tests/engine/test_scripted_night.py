@@ -1,7 +1,10 @@
 """A night at the console from the first command to the last key: real processes, a real terminal.
 
-The demo's own engine and observatory, with clouds that come and go; the operator arms, marks a
-streak by hand, tunes, nudges, hands back, loses the line, comes back, stops, parks and leaves.
+The demo's own engine and observatory by their defaults, with clouds that come and go. What the
+console was asked to be is seen: the live picture, detection confidence, residuals in their 3-sigma
+bounds; keys arm autonomous acquisition, override slews, and tune tau, Q and R live. The operator
+arms, marks a streak by hand, tunes, nudges, hands back, loses the line, comes back, stops, parks
+and leaves.
 """
 
 import contextlib
@@ -85,7 +88,8 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         wait_for(lambda: status()["holder"] == "autonomy", "an armed engine again", seat)
         # Acquire.
         wait_for(lambda: status()["state"] == "TRACK", "a track", seat)
-        wait_for(lambda: seat.shows("close-up"), "a close-up", seat)
+        seen = ("field", "close-up", "confidence", "residual", "bounds 3σ", "NIS")
+        wait_for(lambda: seat.shows(*seen), "picture, confidence, residuals and bounds", seat)
         # A mark by hand in the middle of the close-up, where the satellite is.
         seat.press("zz")
         time.sleep(0.5)
@@ -100,20 +104,24 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         decision = wait_for(lambda: records(Ruling), "the operator's mark")[0]
         assert decision.taken.source == "operator"
         assert any(m.source == "operator" for m in records(Measurement))
-        # Tune R, with its effect shown first.
+        # Tune tau, Q and R, with their effect shown first; each number comes in one read.
         seat.press("t")
         wait_for(lambda: seat.shows("as it was"), "the tuning pane", seat)
-        for _ in range(NAMES.index("filter.r_multiplier")):
+        wait_for(lambda: seat.shows("settles at", "gain RA δ"), "where the filter settles", seat)
+        tuned = {"detector.tau": 0.12, "filter.q_multiplier": 100.0, "filter.r_multiplier": 1.25}
+        assert list(tuned) == list(NAMES[:3])
+        for after in tuned.values():
+            seat.press(f"{after:g}\r")
+            wait_for(lambda now=after: seat.shows(f"→ {now:g}"), "what is tried", seat)
             seat.press("\x1b[B")
-            time.sleep(0.05)
-        seat.press("\x1b[C")
-        wait_for(lambda: seat.shows("→ 1.25"), "what is tried", seat)
         seat.press("\r")
-        change = wait_for(
-            lambda: [c for c in records(ParameterChange) if c.name == "filter.r_multiplier"],
-            "R on record",
-        )[0]
-        assert (change.before, change.after) == (1.0, 1.25)
+        for name, after in tuned.items():
+            change = wait_for(
+                lambda of=name: [c for c in records(ParameterChange) if c.name == of],
+                f"{name} on record",
+            )[0]
+            assert change.after == after
+        wait_for(lambda: seat.shows("Q×100"), "the change in the plots", seat)
         seat.press("t")
         time.sleep(0.3)
         # Nudge, and hand back.
