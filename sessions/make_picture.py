@@ -29,7 +29,7 @@ MAX_S = 300.0
 
 
 async def taken(frames: int, session: Path) -> list[str]:
-    """The screen as SVG in its colours and in the night's red, after so many followed frames."""
+    """The screen as SVG in its colours and in the night's red, after a number of frames."""
     from rsoconsole.cli.demo.demo import demo_config
     from rsoconsole.cli.demo.demo_night import NightProcess, SimulatedNight
     from rsoconsole.console.app import ConsoleApp

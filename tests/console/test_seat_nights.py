@@ -17,7 +17,7 @@ from rsoconsole.simulator.launch import Observatory
 from rsoconsole.simulator.server import ObservatorySettings, ObservatorySetup
 from tests.children.relay import Relay
 from tests.rigs.stub_stage import open_plain
-from tests.rigs.terminal import Terminal
+from tests.rigs.terminal import READS_S, Terminal
 from tests.rigs.whole_engine import COMMAND, WholeEngine, wait_for, whole_engine
 
 SIZE = (120, 40)
@@ -73,6 +73,7 @@ def test_stray_keys_in_a_track_end_nothing_and_two_presses_can_be_undone(
             known = len(seat.text)
             seat.press("p")
             wait_for(shown(seat, "This ends", known), "what parking would end")
+            time.sleep(READS_S)
             seat.press("\r")
             wait_for(lambda: engine.frames() > 6, "frames")
             assert engine.status()["holder"] == "autonomy"

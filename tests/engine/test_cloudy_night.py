@@ -13,7 +13,7 @@ from rsoconsole.control import AskStatus, ControlClient, Sender
 from rsoconsole.records import Identified, OperatorAction, Ruling, StateChange, TrackState
 from rsoconsole.session import SessionReader
 from tests.engine.test_scripted_night import house, wait_for
-from tests.rigs.terminal import Terminal
+from tests.rigs.terminal import READS_S, Terminal
 from tests.rigs.whole_engine import COMMAND
 
 __all__ = ["house"]
@@ -83,7 +83,8 @@ def test_a_track_is_started_by_hand_and_handed_over(tmp_path: Path, house: dict[
         seat.press("\x1b")
         time.sleep(0.3)
         seat.press("q")
-        time.sleep(0.3)
+        wait_for(lambda: seat.shows("leave the console"), "what leaving would do", seat)
+        time.sleep(READS_S)
         seat.press("s")
         wait_for(lambda: seat.process.poll() is not None, "the console's end", seat)
     marks = [decision.taken for decision in records(Ruling)]

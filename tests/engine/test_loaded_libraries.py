@@ -15,7 +15,7 @@ import socket, sys
 import rsoconsole.cli.app, rsoconsole.console.app, rsoconsole.library
 import rsoconsole.engine.service.service
 from rsoconsole.config import Config
-from rsoconsole.pipeline.replays import what_if_process
+from rsoconsole.pipeline.tuning import what_if_process
 from rsoconsole.pipeline import what_if
 from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.nights.samples import SAMPLE
-from tests.rigs.terminal import EVERY_S, Terminal
+from tests.rigs.terminal import EVERY_S, READS_S, Terminal
 from tests.rigs.whole_engine import COMMAND
 
 SIZE = (120, 40)
@@ -80,6 +80,7 @@ def test_a_newcomer_sees_a_lock_takes_the_tour_leaves_and_comes_back(
         time.sleep(0.5)
         # Leave: the engine goes on.
         shown_after(seat, "q", "leave the console", "keeps running")
+        time.sleep(READS_S)
         seat.press("l")
         wait_for(lambda: seat.process.poll() is not None, "the console's end", seat)
         assert seat.process.returncode == 0
@@ -92,6 +93,7 @@ def test_a_newcomer_sees_a_lock_takes_the_tour_leaves_and_comes_back(
         seat.press(ESC)
         time.sleep(0.5)
         shown_after(seat, "q", "leave the console")
+        time.sleep(READS_S)
         seat.press("s")
         wait_for(lambda: seat.process.poll() is not None, "the engine's end", seat)
 

@@ -23,7 +23,7 @@ from rsoconsole.console.words.tunable import NAMES
 from rsoconsole.control import AskStatus, ControlClient, Sender
 from rsoconsole.records import Measurement, OperatorAction, ParameterChange, Ruling, StateChange
 from rsoconsole.session import SessionReader
-from tests.rigs.terminal import Terminal
+from tests.rigs.terminal import READS_S, Terminal
 from tests.rigs.whole_engine import COMMAND
 
 SIZE = (120, 40)
@@ -151,11 +151,12 @@ def test_a_night_at_the_console(tmp_path: Path, house: dict[str, str]):
         seat.press("\x1b")
         time.sleep(0.3)
         seat.press("p")
-        time.sleep(0.3)
+        time.sleep(READS_S)
         seat.press("y")
         wait_for(lambda: status()["is_parked"], "a parked mount", seat)
         seat.press("q")
-        time.sleep(0.3)
+        wait_for(lambda: seat.shows("leave the console"), "what leaving would do", seat)
+        time.sleep(READS_S)
         seat.press("s")
         wait_for(lambda: seat.process.poll() is not None, "the console's end", seat)
     wait_for(

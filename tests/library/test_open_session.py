@@ -444,7 +444,7 @@ def test_what_if_agrees_with_the_consoles(night):
     from rsoconsole.pipeline import what_if
 
     other = night.what_if(q=1e-3, gate_nis=9.0)
-    assert other.settings == {"filter.q_arcsec2_s3": 1e-3, "filter.gate_nis": 9.0}
+    assert other.settings == {"filter.q_multiplier": 1e-3, "filter.gate_nis": 9.0}
     told = what_if((r for _, _, r in night.records), night.config, other.settings)
     assert other.changed.residual_rms_arcsec == pytest.approx(told.residual_rms_arcsec)
     assert other.changed.nis_mean == pytest.approx(told.nis_mean)
@@ -457,7 +457,7 @@ def test_what_if_shows_old_and_new_side_by_side(night):
     html = other._repr_html_()
     assert f"{other.recorded.residual_rms_arcsec:.2f}″" in html
     assert f"{other.changed.residual_rms_arcsec:.2f}″" in html
-    assert "q_arcsec2_s3 = 0.001" in repr(other)
+    assert "q_multiplier = 0.001" in repr(other)
     for name, panels in PLOTS.items():
         assert len(getattr(other, f"plot_{name}")().axes) == 2 * panels
     assert isinstance(other, NightPlots)
@@ -474,7 +474,7 @@ def test_a_tau_above_everything_follows_nothing_and_is_shown(night):
 def test_a_setting_that_cannot_be_is_refused(night):
     with pytest.raises(ConfigError, match=r"no setting 'filter\.speed'"):
         night.what_if(speed=3)
-    with pytest.raises(ConfigError, match=r"filter.q_arcsec2_s3 = -1"):
+    with pytest.raises(ConfigError, match=r"filter.q_multiplier = -1"):
         night.what_if(q=-1)
     with pytest.raises(ConfigError, match="mount"):
         night.what_if({"mount.slew_rate_deg_s": -1.0})
@@ -488,13 +488,13 @@ def test_branches_are_sessions_by_name(tmp_path):
     branch.mkdir()
     shutil.copy(SAMPLE / "session.db", branch)
     with sqlite3.connect(branch / "session.db") as database:
-        values = {"branch_of": "../..", "tried": {"filter.q_arcsec2_s3": 1e-3}}
+        values = {"branch_of": "../..", "tried": {"filter.q_multiplier": 1e-3}}
         for key, value in values.items():
             database.execute("INSERT INTO meta VALUES (?, ?)", (key, json.dumps(value)))
     night = open_session(folder)
     assert list(night.branches) == ["loose"]
     loose = night.branches["loose"]
-    assert "filter.q_arcsec2_s3 = 0.001; a branch of night" in loose._repr_html_()
+    assert "filter.q_multiplier = 0.001; a branch of night" in loose._repr_html_()
     assert len(loose.plot_nis().axes) == 1
     assert len(loose.measurements) == 29
 

@@ -68,7 +68,7 @@ def test_records_that_say_something_else_are_not_alike() -> None:
 
 def test_a_small_change_of_a_setting_is_no_rounding(records: list[Any]) -> None:
     config = SessionReader(SAMPLE).config()
-    q = config.filter.q_arcsec2_s3 * 1.0001
-    changes = list(replay(records, config, changes={"filter.q_arcsec2_s3": q}))
+    q = config.filter.q_multiplier * 1.0001
+    changes = list(replay(records, config, changes={"filter.q_multiplier": q}))
     assert not all(frame.is_alike for frame in changes)
     assert all(frame.is_alike for frame in replay(records, config))

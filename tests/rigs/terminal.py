@@ -25,6 +25,8 @@ _ESCAPE = re.compile(
 )
 _ASKS_ATTRIBUTES = b"\x1b[c"
 EVERY_S = 0.02
+READS_S = 1.0
+"""Time that an operator takes to read a question; what is typed before it is drawn is dropped."""
 
 
 class Terminal:

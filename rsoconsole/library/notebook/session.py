@@ -153,10 +153,10 @@ class Session(SessionPictures):
 
         ``settings``: any settings by dotted name.
         ``tau``: the confidence that a detection must exceed.
-        ``q``: white-noise acceleration of the motion model, arcsec²/s³.
+        ``q``: factor of the whole of Q.
         ``sigma``: error of a measurement as in the paper, arcsec; used with preset "paper".
         ``r``: factor of the whole of R.
-        ``preset``: "tuned" or "paper".
+        ``preset``: "adaptive", "tuned" or "paper".
         ``others``: any setting of ``[filter]`` by its name, e.g. ``gate_nis=9``.
         Raises ConfigError for an unknown setting and an invalid value.
         """
@@ -164,7 +164,7 @@ class Session(SessionPictures):
 
         named = {
             "detector.tau": tau,
-            "filter.q_arcsec2_s3": q,
+            "filter.q_multiplier": q,
             "filter.sigma_arcsec": sigma,
             "filter.r_multiplier": r,
             "filter.preset": preset,
