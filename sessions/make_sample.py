@@ -52,7 +52,7 @@ WORLD = {
     "sensor": {"binning": 2},
     "clouds": {"rate_h": 2.0, "duration_s": 60.0, "extinction_mag": 12.0},
 }
-KEPT_FRAMES = (9, 11)
+KEPT_FRAMES = (9, 13)
 MAX_BYTES = 8_000_000
 INDI_PORT = 7624
 ROOT = "sessions"
@@ -62,9 +62,10 @@ ELEMENTS = "rsoconsole/simulator/data/belt_20230622.tle"
 OPERATOR = Sender.console("observer@demo")
 COMMANDS: Mapping[int, Sequence[Command]] = {
     5: (Note(text="one satellite in the field, no clouds"),),
-    8: (Set(name="detector.tau", value=0.75),),
-    12: (Accept(frame_id=11), Set(name="detector.tau", value=0.1)),
+    12: (Set(name="detector.tau", value=0.75),),
     14: (
+        Accept(frame_id=13),
+        Set(name="detector.tau", value=0.1),
         Set(name="filter.q_multiplier", value=2.0, frames=4),
         Set(name="filter.r_multiplier", value=1.5, frames=4),
     ),
