@@ -93,7 +93,7 @@ def test_what_it_says_of_the_night_is_so(executed):
     for figure in (
         "after 4 frames",
         "36, 2 kept in full",
-        "5 of 32 frames with a track",
+        "6 of 32 frames with a track",
         "14.985 arcsec / s over 16.0 min",
         "(1760, 2328) uint16",
         "cloud: 3 stars where 400 were; no detection",

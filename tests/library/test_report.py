@@ -177,7 +177,7 @@ def test_it_says_what_the_record_says(sample: Page):
     assert f"measured {times} times in 36 exposures, with 6 misses" in text
     assert "It moves as a geostationary satellite does." in text
     assert f"within {figures.residual_rms_arcsec:.2f} arcsec" in text
-    assert f"{figures.nis_mean:.2f} ✓ its band" in text
+    assert f"{figures.nis_mean:.2f} {'✓' if figures.is_nis_sound else '✗'} its band" in text
     assert "simulated: no telescope observed this" in text
     assert "ACQUIRE → TRACK: two frames agree on one motion" in text
     assert "20:54:13.304" in text

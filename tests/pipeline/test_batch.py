@@ -284,7 +284,7 @@ def test_the_kept_frames_of_a_session_are_a_night_too(tmp_path):
     (night,) = nights_of_folders([sample], tmp_path, Config())
     assert [(number, path.name) for number, path in night.frames] == [
         (9, "000009.fits.fz"),
-        (11, "000011.fits.fz"),
+        (13, "000013.fits.fz"),
     ]
     (outcome,) = process_nights([night], lambda _: SERIAL)
     assert (outcome.frames, outcome.measurements) == (2, 2)

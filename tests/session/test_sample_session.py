@@ -37,7 +37,7 @@ from tests.nights.samples import SAMPLE
 
 MAX_BYTES = 8_000_000
 FRAMES = 36
-TAU_AT = {9: 0.75, 11: 0.75}
+TAU_AT = {9: 0.1, 13: 0.75}
 """The frames that kept their pixels, and the tau that was in force."""
 SAME_PX, SAME_CONFIDENCE = 0.01, 1e-3
 EVERY_SAMPLE = ("shipped", "busy", "ruled")
@@ -97,7 +97,7 @@ def test_no_table_of_the_shipped_one_is_empty(name: str) -> None:
 def test_every_kind_of_record_and_of_file_is_in_it(reader: SessionReader, records: list[Any]):
     of_a_field = {TABLES[name].kind.__name__ for name in OF_A_FIELD - {"expected"}}
     assert {type(record).__name__ for record in records} == set(KINDS) - of_a_field
-    for number in (5, 11, 30):
+    for number in (5, 13, 30):
         assert reader.preview_path(number) is not None
         assert reader.closeup_path(number) is not None
 
@@ -126,10 +126,10 @@ def test_clouds_hide_some_frames_and_the_operator_does_a_little_of_everything(
     assert changed == {"detector.tau", "filter.q_multiplier", "filter.r_multiplier"}
     assert "MANUAL" in {r.after for r in records if isinstance(r, StateChange)}
     decisions = [r for r in records if isinstance(r, Ruling)]
-    assert [r.frame_id for r in decisions] == [11, 20, 35]
+    assert [r.frame_id for r in decisions] == [13, 20, 35]
     assert [bool(r.refused) for r in decisions] == [False, True, False]
     again = [r.frame_id for r in records if isinstance(r, FollowedAgain)]
-    assert again == [11, 12, 20, 35]
+    assert again == [13, 14, 20, 35]
 
 
 def test_a_replay_equals_the_record(reader: SessionReader, records: list[Any]) -> None:
@@ -173,7 +173,7 @@ def test_the_notebook_counts_the_pixels_that_are_there() -> None:
     night = open_session(SAMPLE)
     assert f"{FRAMES}, {len(TAU_AT)} kept in full" in night._repr_html_()
     assert night.pixels(9).shape == (1760, 2328)
-    with pytest.raises(SessionError, match=r"frame 8 .* pruned on 2023-06-23.*; kept: 9, 11"):
+    with pytest.raises(SessionError, match=r"frame 8 .* pruned on 2023-06-23.*; kept: 9, 13"):
         night.pixels(8)
 
 

@@ -5,6 +5,7 @@ from functools import partialmethod
 from rsoconsole.console.actions.seat import OperatorScreen
 from rsoconsole.console.actions.second_press import TwoPressKeys
 from rsoconsole.console.commands.keymap import first_key
+from rsoconsole.console.picture.picture import Picture
 from rsoconsole.control import Nudge
 from rsoconsole.records import Solution
 
@@ -24,6 +25,13 @@ class NudgeActions(OperatorScreen):
     is_nudging = False
     """True while a nudge is under way; arrows pressed meanwhile are dropped."""
     _nudge_step = FIRST_STEP
+    _last_plate: Solution | None = None
+    """Plate of the newest solved frame shown: the camera stays as it is when clouds come."""
+
+    def watch_picture(self, picture: Picture | None) -> None:
+        """Keep the plate of a solved frame."""
+        if picture is not None and isinstance(picture.detail.solution, Solution):
+            self._last_plate = picture.detail.solution
 
     def _nudge(self, name: str, right: float, down: float) -> None:
         """Move the telescope so that it looks ``right`` and ``down`` (-1, 0 or 1) in the picture.
@@ -54,11 +62,10 @@ class NudgeActions(OperatorScreen):
         self.send(Nudge(east_arcmin=round(arcmin * east, 6), north_arcmin=round(arcmin * north, 6)))
 
     def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
-        """Return a direction in the picture as (east, north); without a plate north is up."""
-        solution = self.picture.detail.solution if self.picture is not None else None
-        if not isinstance(solution, Solution):
+        """Return a direction in the picture as (east, north), by the last plate; else north is up."""
+        if self._last_plate is None:
             return -right, -down
-        cd = solution.wcs.cd
+        cd = self._last_plate.wcs.cd
         east = cd[0] * right + cd[1] * down
         north = cd[2] * right + cd[3] * down
         length = (east**2 + north**2) ** 0.5 or 1.0

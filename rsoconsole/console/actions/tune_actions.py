@@ -83,7 +83,7 @@ class TuneActions:
         had_changes = bool(self.tuning.changes)
         self.tuning.see({name: self._seat.night.setting(name) for name in NAMES})
         if had_changes and not self.tuning.changes:
-            self._forget_trial()
+            self.figures = TuneFigures(now=self.figures.now)
             self.request_figures()  # what was tried is in force: its figures are those of the night
         self.pane.show(tune_lines(self.tuning, self.figures, words=self.words))
         then = self.figures.then if self.tuning.changes and self.is_open else None
@@ -140,6 +140,7 @@ class TuneActions:
             seat.night.folder,
             seat.night.config,
             self.tuning.changes,
+            in_force=self.tuning.present_settings,
             until_seq=until_seq,
             last=last,
         )
@@ -265,10 +266,11 @@ class TuneActions:
     def _undo(self) -> None:
         if not self._seat.check_can_act():
             return
+        was_tried = bool(self.tuning.changes)
         wanted = self.tuning.undo()
         self._set(wanted)
         if not wanted:
-            self._seat.say("nothing to undo")
+            self._seat.say("nothing is on trial any more" if was_tried else "nothing to undo")
         self._preview()
 
     def _set(self, wanted: Mapping[str, Value], frames: int | None = None) -> None:

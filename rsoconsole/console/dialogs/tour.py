@@ -114,7 +114,8 @@ class TourDialog(PagedDialog[bool | None]):
     """Dialog of the tour, a page at a time. Result: True where the help is wanted next."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("right,down,space,enter,pagedown", "turn(1)", "Next", priority=True),
+        Binding("space,enter", "go_on", "Next", priority=True),
+        Binding("right,down,pagedown", "turn(1)", "Next", show=False, priority=True),
         Binding("left,up,backspace,pageup", "turn(-1)", "Back", priority=True),
         Binding("f1,question_mark", "help", "Help", show=False),
         Binding("q", "put_away", show=False),
@@ -126,12 +127,16 @@ class TourDialog(PagedDialog[bool | None]):
         self._at = 0
 
     def action_turn(self, by: int) -> None:
-        """Turn by ``by`` pages; beyond the last page the tour ends."""
-        if self._at + by >= len(self._pages):
+        """Turn by ``by`` pages; an arrow more at the end must not move the telescope."""
+        self._at = min(max(self._at + by, 0), len(self._pages) - 1)
+        self.show()
+
+    def action_go_on(self) -> None:
+        """Turn to the next page; on the last page end the tour."""
+        if self._at == len(self._pages) - 1:
             self.dismiss(None)
             return
-        self._at = max(self._at + by, 0)
-        self.show()
+        self.action_turn(1)
 
     def action_help(self) -> None:
         """Close with True, which shows the help."""

@@ -49,11 +49,11 @@ def tune_lines(
             changed = f"{waiting} sent, from the next frame"
         shown = figures if tuning.changes else figures._replace(then=None, settled_then=None)
         below = _settled(shown, tuning, words)
+        below += _comparison(tuning, shown, words.of_present, width)
         below += _figures(shown, words.frames, has_changes=bool(tuning.changes))
-        cautions = _comparison(tuning, shown, words.of_present, width)
-        cautions += _cautions(shown, words.of_present, width)
+        below += _cautions(shown, words.of_present, width)
         room = max(height - 2, 0)
-        below = [*below, *cautions][: max(room - MIN_SETTINGS, 0)]
+        below = below[: max(room - MIN_SETTINGS, 0)]
         settings = _settings(tuning, max(room - len(below), 1))
         spare: list[Line] = [[("", "")]] * max(room - len(settings) - len(below), 0)
         title = draw_rule(f"tune · {changed}", "", width)
@@ -104,7 +104,7 @@ def _setting(tuning: Tuning, number: int, tunable: Tunable) -> Line:
 
 def _settled(figures: TuneFigures, tuning: Tuning, words: TuneWords) -> list[Line]:
     """Return bounds and gain to which the filter settles, by the settings in force and tried."""
-    if figures.settled is None:
+    if figures.settled is None and (figures.now is None or not figures.now.updates):
         return []
     rows: list[tuple[str, Callable[[Settled], str]]] = [
         ("bounds 3σ", lambda each: _pair(*each.sigma_innovation_arcsec)),

@@ -76,10 +76,12 @@ class Tuning:
     @property
     def settings(self) -> FilterConfig | None:
         """The filter's settings with those on trial; None while those in force are not known."""
-        own = {n: v for n, v in (self.present | self.changes).items() if n.startswith("filter.")}
-        if any(value is None for value in own.values()):
-            return None
-        return FilterConfig.model_validate({n.partition(".")[2]: v for n, v in own.items()})
+        return _filter_settings(self.present | self.changes)
+
+    @property
+    def present_settings(self) -> FilterConfig | None:
+        """The filter's settings in force; None while they are not known."""
+        return _filter_settings(self.present)
 
     @property
     def last_applied_words(self) -> str:
@@ -174,11 +176,18 @@ class Tuning:
         return wanted
 
     def undo(self) -> dict[str, Value]:
-        """Return the settings that undo the last application, to be sent; clear those on trial."""
-        wanted = self.before.pop() if self.before else {}
+        """Clear the settings on trial; without any return those that undo the last application."""
+        if self.untry():
+            return {}
+        return self.before.pop() if self.before else {}
+
+    def untry(self) -> bool:
+        """Clear the settings on trial; return False where there are none."""
+        was_tried = any(self.sent.get(name) != value for name, value in self.changes.items())
         self.changes.clear()
         self.steps.clear()
-        return wanted
+        self.loaded.clear()
+        return was_tried
 
 
 class TunePane(LinesPane, can_focus=False):
@@ -192,6 +201,7 @@ class TunePane(LinesPane, can_focus=False):
         Binding("enter", "say('apply')", "Apply"),
         Binding("f", "say('lend')", "Apply for a number of frames"),
         Binding("u", "say('undo')", "Undo"),
+        Binding("backspace", "untry", "Nothing on trial"),
         Binding("w", "say('save')", "Save as preset"),
         Binding("o", "say('load')", "Load a preset"),
         Binding("p", "say('propose')", "Propose Q and R"),
@@ -226,6 +236,12 @@ class TunePane(LinesPane, can_focus=False):
             self.tuning.step(by)
             self.post_message(self.Wanted("try"))
 
+    def action_untry(self) -> None:
+        """Clear the settings on trial."""
+        if self.tuning is not None:
+            self.tuning.untry()
+            self.post_message(self.Wanted("try"))
+
     def action_learning(self) -> None:
         """Try the next choice of whether the filter learns the night's noise."""
         if self.tuning is not None:
@@ -240,6 +256,13 @@ class TunePane(LinesPane, can_focus=False):
     def action_say(self, what: Wanting) -> None:
         """Post the request for an action of the screen."""
         self.post_message(self.Wanted(what))
+
+
+def _filter_settings(values: Mapping[str, Value | None]) -> FilterConfig | None:
+    own = {n: v for n, v in values.items() if n.startswith("filter.")}
+    if not own or any(value is None for value in own.values()):
+        return None
+    return FilterConfig.model_validate({n.partition(".")[2]: v for n, v in own.items()})
 
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}")

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.config import Config
+from rsoconsole.config import Config, FilterConfig
 from rsoconsole.console.tuning.tuning_pane import LAST_FRAMES, TuneFigures
 from rsoconsole.console.words.tunable import NAMES, Value
 from rsoconsole.control import Poller
@@ -52,6 +52,7 @@ class WhatIfWatch(Poller):
         super().__init__("what-if", IDLE_S)
         self._on_seen, self._on_proposal = on_seen, on_proposal
         self._asked: WhatIfQuestion | None = None
+        self._in_force: FilterConfig | None = None
         self._log, self._process = SessionLogCache(), WhatIfProcess()
 
     def ask(
@@ -60,14 +61,17 @@ class WhatIfWatch(Poller):
         config: Config,
         changes: Mapping[str, Value],
         *,
+        in_force: FilterConfig | None = None,
         until_seq: int | None = None,
         last: int | None = LAST_FRAMES,
     ) -> None:
         """Request the figures with changed settings; may be called from any thread.
 
+        ``in_force``: the filter's settings at present; None: those of the newest frames.
         ``until_seq``: last place of the log to use; None: the log's end.
         ``last``: number of last frames to use; None: all.
         """
+        self._in_force = in_force
         self._asked = WhatIfQuestion(
             folder=folder,
             config=config,
@@ -121,7 +125,7 @@ class WhatIfWatch(Poller):
         now, newest = lead_figures(records, asked.config, asked.last)
         figures = TuneFigures(now=now)
         if newest is not None:
-            settings = newest.update.settings
+            settings = self._in_force or newest.update.settings
             changed = {n: v for n, v in asked.changes.items() if n.startswith(FILTER)}
             changed = {name.removeprefix(FILTER): value for name, value in changed.items()}
             after = settings.model_copy(update=changed)

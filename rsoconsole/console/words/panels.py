@@ -194,7 +194,7 @@ def residual_lines(
     if height <= 1:
         label = f" {_of(of.removeprefix('track '), ':')}{strip_name} {value or '-'} {bound}"
         return [_strip(label, width, residual_strip(columns, _strip_room(width)))]
-    said = f"{name} residual" if width >= WIDE_TITLE else strip_name.strip()
+    said = f"{name} residual" if width >= WIDE_TITLE and not of else strip_name.strip()
     return [
         draw_rule(f"{_of(of)}{said} {value}", f"bounds {bound}", width),
         *residual_plot(columns, width, height - 1, _value_ink(night)),
@@ -222,19 +222,16 @@ def nis_lines(
     judged_rows = [row for row in rows if row.nis is not None][-MOST_JUDGED:]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
-        return [draw_rule(f"{_of(of)}NIS: no update yet", "", width)]
+        since = " by these settings" if len(rows) < len(night.rows) else ""
+        return [draw_rule(f"{_of(of)}NIS: no update{since} yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
     frames = window.frames_words(night.rows, width)
     mean = f"{_of(of)}NIS {judged.mean:.1f} /{judged.count} (ideal 2)"
     if height <= 1:
         spark = sparkline(values[-NIS_FRAMES:], 12.0, NIS_FRAMES)
-        words = {
-            "sound": "in band",
-            "over-confident": "TOO LARGE",
-            "under-confident": "too small",
-            "too few": "",
-        }
-        return [draw_rule(f"{mean} {spark} {words[judged.verdict]}", frames, width)]
+        words = {"over-confident": "TOO LARGE", "under-confident": "too small", "too few": ""}
+        brief = words.get(judged.verdict, judged.words.partition(" the ")[0])
+        return [draw_rule(f"{mean} {spark} {brief}", frames, width)]
     columns = [
         PlotColumn(value=row.nis, mark=MISS if row.miss is not None and row.sigma_arcsec else "")
         for row in window.rows(night.rows, width)

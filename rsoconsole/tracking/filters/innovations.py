@@ -62,7 +62,10 @@ def consistency(
     mean = sum(recent) / count
     settled = list(nis)[SETTLING:]
     verdict: Verdict = "sound"
+    low, high = mean_nis_band(count)
     words = "in band"
+    if not low <= mean <= high:
+        words = f"{'below' if mean < low else 'above'} the band of {low:.1f} to {high:.1f}"
     if mean > _mean_exceeded(count, _CHANCE_TOO_LARGE):
         verdict = "over-confident"
         axes = zip(*residuals_arcsec[-WINDOW:], strict=True)
