@@ -2,6 +2,7 @@
 
 import dataclasses
 import threading
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -196,6 +197,21 @@ def test_a_key_is_one_command(
             assert sum(value**2 for value in said.values()) == pytest.approx(1.0)
         else:
             assert (name, said) == (verb, arguments)
+
+    play(wire, scene)
+
+
+def test_up_is_the_same_way_where_clouds_hide_the_stars(wire: FakeWire):
+    """The camera stays as it is: a frame that is not solved takes no direction away."""
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        live = app.live
+        await until(pilot, lambda: live.picture is not None)
+        before, picture = live._on_the_sky(0.0, -1.0), live.picture
+        assert picture is not None
+        live.picture = replace(picture, detail=replace(picture.detail, solution=None))
+        await pilot.pause()
+        assert live._on_the_sky(0.0, -1.0) == before != (0.0, 1.0)
 
     play(wire, scene)
 

@@ -521,7 +521,7 @@ def test_what_was_tried_is_kept_as_a_branch_that_reads_as_it_was(tmp_path):
 @pytest.mark.slow("writes every format twice")
 def test_a_night_is_exported_as_the_verb_does(tmp_path):
     night = open_session(SAMPLE)
-    direction = f"{night.measurements['ra'][9].deg:.7f}"[:-1]
+    direction = f"{float(night.measurements['ra_icrs_deg'][9].value):.8f}"[:-2]
     for name in ("csv", "tdm", "html"):
         path = night.export(name, tmp_path / f"night.{name}")
         assert direction in path.read_text(encoding="utf-8") or name == "html"

@@ -62,7 +62,7 @@ class NudgeActions(OperatorScreen):
         self.send(Nudge(east_arcmin=round(arcmin * east, 6), north_arcmin=round(arcmin * north, 6)))
 
     def _on_the_sky(self, right: float, down: float) -> tuple[float, float]:
-        """Return a direction in the picture as (east, north), by the last plate; else north is up."""
+        """Return a direction in the picture as (east, north): by the last plate, or north is up."""
         if self._last_plate is None:
             return -right, -down
         cd = self._last_plate.wcs.cd

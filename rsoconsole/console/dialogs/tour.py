@@ -146,5 +146,5 @@ class TourDialog(PagedDialog[bool | None]):
         """Return the title, the keys and the text of the present page."""
         title, text = self._pages[self._at]
         is_last = self._at == len(self._pages) - 1
-        keys = f"→ {'done' if is_last else 'next'} · ← back · F1 all keys · esc ends"
+        keys = f"enter {'done' if is_last else 'next'} · ←→ pages · F1 all keys · esc ends"
         return f"tour {self._at + 1} of {len(self._pages)}: {title}", keys, text
