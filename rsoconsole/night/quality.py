@@ -129,7 +129,8 @@ def since_last_change(frames: Sequence[_FrameT]) -> Sequence[_FrameT]:
 
 def consistency_of(frames: Sequence[NightFrame]) -> Consistency:
     """Judge the consistency of the filter by the lead's updates since its settings changed."""
-    states = (frame.updated for frame in since_last_change(frames))
+    updated = [frame for frame in frames if frame.updated is not None and frame.updated.nis]
+    states = (frame.updated for frame in since_last_change(updated))
     updates = [each for each in updates_of(states) if each.nis is not None]
     nis = [each.nis for each in updates if each.nis is not None]
     return consistency(nis, [each.residual_arcsec for each in updates])

@@ -359,7 +359,7 @@ def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
         view, now = night_of(r), r.clock.t_utc_ns
         if view.state != "COAST":
             break
-        seen, coasted, end = coast_words(view, now).split(" · ")
+        coasted, end, seen = coast_words(view, now).split(" · ")
         assert seen.startswith(f"last seen {utc_text(seen_ns)}, ")
         # The rig's plates say the pole: no frame of theirs has it in its field.
         assert coasted.startswith(f"coasted {frame - 5}, {frame - 5} not pointed at it")
@@ -378,13 +378,14 @@ def test_a_coast_says_when_it_was_last_seen_and_counts_down_to_its_end():
 def test_a_coast_that_ends_by_time_says_so():
     view = dataclasses.replace(COASTING, config=with_coast_s(120.0))
     assert coast_words(view, NOW) == (
-        f"last seen {utc_text(SEEN)}, 60 s ago · coasted 2 · given up after 3 more"
+        f"coasted 2 · given up after 3 more · last seen {utc_text(SEEN)}, 60 s ago"
     )
     long = coast_words(dataclasses.replace(COASTING, config=CONFIG), NOW + 600 * NS)
     end = utc_text(SEEN + round(CONFIG.filter.max_coast_s * NS))
-    assert long.endswith(f"11 min ago · coasted 2 · given up by {end}")
+    assert long.startswith(f"coasted 2 · given up by {end} · last seen")
+    assert long.endswith("11 min ago")
     assert coast_words(dataclasses.replace(COASTING, config=None), None) == (
-        f"last seen {utc_text(SEEN)} · coasted 2"
+        f"coasted 2 · last seen {utc_text(SEEN)}"
     )
 
 
@@ -392,7 +393,7 @@ def test_the_coast_s_words_come_first_in_the_line_on_the_motion():
     engine = tracking(state="COAST", ra=150.0, dec=-5.0)
     for size in ((80, 3), (120, 5)):
         rows = plain(figure_lines(COASTING, engine, None, *size))
-        assert rows[1].startswith(f" last seen {utc_text(SEEN)}, 60 s ago · coasted 2 · given up")
+        assert rows[1].startswith(" coasted 2 · given up by ")
 
 
 def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork():

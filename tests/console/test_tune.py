@@ -292,7 +292,7 @@ def test_the_pane_says_where_and_when_the_filter_settles():
     texts = ["".join(part for part, _ in line) for line in lines]
     assert "  bounds 3σ       1.5 .6″   3.15 .1′" in texts
     assert "  gain RA δ       .15 .26    .40 .61" in texts
-    assert "  after          1 frames  54 frames" in texts
+    assert "  after           1 frame  54 frames" in texts
     assert " learnt: Q ×0.2" in texts
     assert any("the orbit aims" in row for row in texts)
     assert any(row.startswith("  log L ↑") and row.endswith("-0.50") for row in texts)

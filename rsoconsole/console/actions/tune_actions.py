@@ -266,11 +266,11 @@ class TuneActions:
     def _undo(self) -> None:
         if not self._seat.check_can_act():
             return
-        was_tried = bool(self.tuning.changes)
+        had_trial = bool(self.tuning.changes)
         wanted = self.tuning.undo()
         self._set(wanted)
         if not wanted:
-            self._seat.say("nothing is on trial any more" if was_tried else "nothing to undo")
+            self._seat.say("nothing is on trial any more" if had_trial else "nothing to undo")
         self._preview()
 
     def _set(self, wanted: Mapping[str, Value], frames: int | None = None) -> None:

@@ -22,8 +22,9 @@ Picture    [━] followed   (━) other detections   ‹ › rejected, from near
            < > by your hand   + where it was expected, · 3 sigma about it
            1 2* several tracks, * the lead   ○3 not seen in this frame
            in an opened frame { } detected now   « » rejected now
-Plots      fat dots measured, small dots 3 sigma, ○ nothing measured,
-           ▲ ▼ beyond the axis; the newest frame at the right
+Plots      ● measured, ░ within 3 sigma, ○ nothing measured, │ a setting
+           changed, ╌ τ, or 3 sigma as tried; ▲ ▼ a measurement beyond the
+           axis, △ ▽ a bound beyond it; the newest frame at the right
 Times are UTC; under simulation they are the observatory's own."""
 REVIEW_SIGNS = """\
 Time line  the night from its first record to its last; its words are states,

@@ -24,7 +24,7 @@ ORBIT_ROWS, ORBIT_COLUMNS = 8, 33
 """Least rows and columns of the orbit pane where it has a place of its own."""
 PLOTS_SHARE = 0.53
 """Share of the columns of a large terminal that the plots have, at all rows: half the screen."""
-OPEN_ORBIT_ROWS = 26
+MOST_ORBIT_ROWS = 37
 """Most rows of the orbit pane where it is opened over the plots."""
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
@@ -173,13 +173,16 @@ def orbit_box(
         width, height, alert_rows=alert_rows, timeline_rows=timeline_rows, aspect=aspect
     )
     first = boxes.get("confidence")
-    below = [boxes[name] for name in ("nis", "orbit") if name in boxes]
-    last = max((b for b in below if first and b.x == first.x), key=lambda b: b.y, default=None)
+    last = boxes.get("nis")
     if first is None or last is None:
         y0 = _rows_above(boxes)
         return Box(x=0, y=y0, width=width, height=max(height - 1 - timeline_rows - y0, 1))
-    rows = last.y + last.height - first.y
-    return Box(x=first.x, y=first.y, width=first.width, height=min(rows, OPEN_ORBIT_ROWS))
+    # Whole panes are covered: no plot is left without its title.
+    others: tuple[Name, ...] = ("east", "north", "axis", "nis", "orbit")
+    below = [box for name in others if (box := boxes.get(name)) and box.x == first.x]
+    rows = [box.y + box.height - first.y for box in below]
+    most = max((n for n in rows if n <= MOST_ORBIT_ROWS), default=max(rows))
+    return Box(x=first.x, y=first.y, width=first.width, height=most)
 
 
 def has_tuning_column(width: int, height: int) -> bool:

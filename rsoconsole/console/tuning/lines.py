@@ -9,7 +9,7 @@ from rsoconsole.console.words.tunable import LEARNING, Tunable
 from rsoconsole.console.words.words import cut_to_width, draw_rule, wrap_to_rows
 from rsoconsole.night import merit
 from rsoconsole.tracking import Settled
-from rsoconsole.words import short_figure
+from rsoconsole.words import count_words, short_figure
 
 LABEL_COLUMNS, VALUE_COLUMNS = 14, 11
 MIN_SETTINGS = 5
@@ -110,7 +110,7 @@ def _settled(figures: TuneFigures, tuning: Tuning, words: TuneWords) -> list[Lin
         ("bounds 3σ", lambda each: _pair(*each.sigma_innovation_arcsec)),
         ("predicted", lambda each: _pair(*each.sigma_predicted_arcsec)),
         ("gain RA δ", lambda each: f"{short_figure(each.gain[0])} {short_figure(each.gain[1])}"),
-        ("after", lambda each: f"{each.updates} frames"),
+        ("after", lambda each: count_words(each.updates, "frame")),
     ]
     lines = [_head("settles at", "in force")]
     for label, text in rows:

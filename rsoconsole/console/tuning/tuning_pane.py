@@ -183,11 +183,11 @@ class Tuning:
 
     def untry(self) -> bool:
         """Clear the settings on trial; return False where there are none."""
-        was_tried = any(self.sent.get(name) != value for name, value in self.changes.items())
+        had_trial = any(self.sent.get(name) != value for name, value in self.changes.items())
         self.changes.clear()
         self.steps.clear()
         self.loaded.clear()
-        return was_tried
+        return had_trial
 
 
 class TunePane(LinesPane, can_focus=False):

@@ -109,14 +109,17 @@ FRAMES_COUNTED = 60
 def coast_words(night: NightView, now_utc_ns: int | None) -> str:
     """Return how a track coasts, in words; empty: it does not coast.
 
-    E.g. "last seen 05:39:40Z, 60 s ago · coasted 2 · given up after 6 more". ``now_utc_ns``: the
+    E.g. "coasted 2 · given up after 6 more · last seen 05:39:40Z, 60 s ago". ``now_utc_ns``: the
     frame clock.
     """
     track = night.track
     if track is None or not track.misses:
         return ""
     seen_ns = night.last_measured_utc_ns
-    parts = []
+    reduced = [row for row in night.rows if row.is_reduced][-track.misses :]
+    elsewhere = sum(row.miss == ELSEWHERE for row in reduced)
+    parts = [f"coasted {track.misses}{f', {elsewhere} not pointed at it' if elsewhere else ''}"]
+    parts.append(_end_words(night, track, seen_ns))
     if seen_ns is not None:
         ago = (
             ""
@@ -124,10 +127,6 @@ def coast_words(night: NightView, now_utc_ns: int | None) -> str:
             else f", {time_left_words((now_utc_ns - seen_ns) / NS_PER_S)} ago"
         )
         parts.append(f"last seen {utc_text(seen_ns)}{ago}")
-    reduced = [row for row in night.rows if row.is_reduced][-track.misses :]
-    elsewhere = sum(row.miss == ELSEWHERE for row in reduced)
-    parts.append(f"coasted {track.misses}{f', {elsewhere} not pointed at it' if elsewhere else ''}")
-    parts.append(_end_words(night, track, seen_ns))
     return " · ".join(part for part in parts if part)
 
 

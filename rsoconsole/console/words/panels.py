@@ -218,12 +218,11 @@ def nis_lines(
 
     ``of``: the track's name where it is not the lead.
     """
-    rows = since_last_change(window.seen(night.rows))
-    judged_rows = [row for row in rows if row.nis is not None][-MOST_JUDGED:]
+    updates = [row for row in window.seen(night.rows) if row.nis is not None]
+    judged_rows = since_last_change(updates)[-MOST_JUDGED:]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
-        since = " by these settings" if len(rows) < len(night.rows) else ""
-        return [draw_rule(f"{_of(of)}NIS: no update{since} yet", "", width)]
+        return [draw_rule(f"{_of(of)}NIS: no update yet", "", width)]
     judged = consistency(values, [r.residual_arcsec for r in judged_rows if r.residual_arcsec])
     frames = window.frames_words(night.rows, width)
     mean = f"{_of(of)}NIS {judged.mean:.1f} /{judged.count} (ideal 2)"

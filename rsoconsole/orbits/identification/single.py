@@ -283,7 +283,7 @@ def _verdict(matches: Sequence[ObjectMatch], gate_deg: float) -> tuple[Verdict, 
         return ("identified", f"{_name(best)} {_off_words(best)}, {_next_words(matches)}")
     if best is matches[0] and not rivals:
         return "ambiguous", (
-            f"{_name(best)} is the nearest, but {_off_words(best)} is as likely to be chance"
+            f"{_name(best)} is the nearest: it {_off_words(best)}, which is as likely to be chance"
         )
     names = " and ".join(_name(each) for each in (best, *rivals)[:3])
     return "ambiguous", f"{names} fit alike: a longer arc or fresher elements may tell"
