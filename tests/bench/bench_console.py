@@ -138,7 +138,7 @@ def _share(pid: int, seconds: float) -> float:
 
 def _key_s(terminal: Terminal, turn: int) -> float:
     """From a key to its word on the terminal."""
-    word = ("close-up", "full resolution", "field")[turn % 3]
+    word = ("full resolution", "field", "close-up")[turn % 3]
     taken_s = _until_s(terminal, "z", f"picture: {word}")
     time.sleep(0.15 + 0.05 * (turn % 5))
     return taken_s

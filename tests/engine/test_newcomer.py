@@ -86,7 +86,9 @@ def test_a_newcomer_sees_a_lock_takes_the_tour_leaves_and_comes_back(
         assert seat.process.returncode == 0
     with Terminal([*COMMAND, "console"], house, SIZE) as seat:
         # The whole night is there again.
-        wait_for(lambda: seat.shows("DEMO ×20 SIMULATED", "ACQUIRE → TRACK"), "the night", seat)
+        wait_for(lambda: seat.shows("DEMO ×20 SIMULATED", "STOP"), "the seat again", seat)
+        shown_after(seat, "l", "ACQUIRE → TRACK")
+        seat.press("l")
         known = len(seat.text)
         seat.press(F1)
         wait_for(lambda: seat.shows("help: keys", since=known), "the help, not the tour", seat)

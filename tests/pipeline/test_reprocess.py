@@ -69,7 +69,7 @@ def copy(tmp_path: Path) -> Path:
 
 def test_the_recorded_settings_see_what_was_recorded(processor: Reprocessor):
     found = processor.run()
-    assert (found.tau, found.map_mode) == (0.75, "fast")
+    assert (found.tau, found.map_mode) == (0.1, "fast")
     assert [pair.is_as_recorded for pair in found.candidates] == [True]
     assert found.is_same_network is True
     (was,), (now,) = found.was.measurements, found.now.measurements
