@@ -174,6 +174,8 @@ def residual_plot(
     its words. ``width``: cells, the axis included. ``ink``: of values within their bounds.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
+    if not shown:
+        return _blank(width, rows)
     limit = residual_axis_limit(shown)
     canvas = Canvas(width - AXIS_COLUMNS, rows, -limit, limit)
     _draw_residuals(canvas, shown, ink)
@@ -189,6 +191,8 @@ def confidence_plot(columns: Sequence[PlotColumn], tau: float, width: int, rows:
     ``tau``: in force now. ``width``: cells, the axis included.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
+    if not shown:
+        return _blank(width, rows)
     canvas = Canvas(width - AXIS_COLUMNS, rows, 0.0, 1.0)
     placed = _placed(canvas, shown)
     limits = [tau if what.limit is None else what.limit for _, _, what in placed]
@@ -213,6 +217,8 @@ def nis_plot(
     The axis ends at ``NIS_HEADROOM`` times the upper bound. ``width``: cells, the axis included.
     """
     shown = list(columns)[-max(width - AXIS_COLUMNS, 0) :]
+    if not shown:
+        return _blank(width, rows)
     canvas = Canvas(width - AXIS_COLUMNS, rows, 0.0, NIS_HEADROOM * band[1])
     for column in range(canvas.columns):
         canvas.fill(column, band[1], SHADE, "band")
@@ -226,6 +232,11 @@ def nis_plot(
     if rows > 3 and canvas.row_of(band[1]) not in {0, rows - 1}:
         labels[band[1]] = _figure(band[1])
     return canvas.lines(labels)
+
+
+def _blank(width: int, rows: int) -> list[Line]:
+    """Return a plot without any exposure: the first paint need not wait for plotext."""
+    return [[(" " * width, "")]] * rows
 
 
 def value_plot(values: Sequence[float | None], width: int, rows: int) -> list[Line]:
