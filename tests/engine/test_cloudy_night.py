@@ -79,7 +79,7 @@ def test_a_track_is_started_by_hand_and_handed_over(tmp_path: Path, house: dict[
         wait_for(lambda: [i for i in records(Identified) if i.matches], "a name", seat)
         # Look at a frame at full resolution: the demo keeps the last ones.
         seat.press("\r")
-        wait_for(lambda: seat.shows("whole field"), "a frame at full resolution", seat)
+        wait_for(lambda: seat.shows("px a square"), "a frame at full resolution", seat)
         seat.press("\x1b")
         time.sleep(0.3)
         seat.press("q")
