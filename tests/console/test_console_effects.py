@@ -154,6 +154,8 @@ def test_a_key_does_in_the_engine_what_it_says(tmp_path: Path, impatient_seat: N
         await until(pilot, lambda: app.live.engine.holder == "autonomy")
         await until(pilot, lambda: app.live.picture is not None)
         await until(pilot, lambda: app.live.picture.frame_id == FRAMES)
+        # A mark begins in the close-up, which comes a little later.
+        await until(pilot, lambda: app.live.picture.closeup is not None or command != "mark")
         assert not has_effect_yet(has_effect, r)
         for key in keys:
             await press(app, pilot, r, key)
