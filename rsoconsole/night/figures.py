@@ -49,8 +49,8 @@ class TrackFigures(FilterQuality):
     carried_by_orbit: int = 0
     """Number of updates with a prediction from the orbit, because the filter's had failed."""
     states: Mapping[str, int] = field(default_factory=dict)
-    lead_sigmas_arcsec: tuple[tuple[int, float, float], ...] = ()
-    """Frame, and one sigma (east, north) of the lead's innovation or prediction: the last frames"""
+    lead_sigmas_arcsec: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    """One sigma (east, north) of the lead's innovation or prediction, by frame, of the last ones"""
 
 
 class _Frame(NamedTuple):
@@ -136,11 +136,11 @@ class FigureAccumulator:
             carried_by_orbit=sum(each.by_orbit for each in chosen),
             state=every[-1].state if every else "",
             states=dict(Counter(each.state for each in chosen)),
-            lead_sigmas_arcsec=tuple(
-                (each.frame_id, *each.lead_sigma_arcsec)
+            lead_sigmas_arcsec={
+                each.frame_id: each.lead_sigma_arcsec
                 for each in chosen[-SIGMA_FRAMES:]
                 if each.lead_sigma_arcsec is not None
-            ),
+            },
         )
 
 

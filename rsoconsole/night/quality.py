@@ -1,12 +1,12 @@
 """Figures of merit of filter updates: innovations, NIS and likelihood. Pure."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
-from rsoconsole.night.frame import NightFrame
+from rsoconsole.night.frame import FrameRow, NightFrame
 from rsoconsole.records import TrackState
 from rsoconsole.tracking import Consistency, consistency, mean_nis_band
 
@@ -98,15 +98,7 @@ def rms(values: Sequence[float]) -> float | None:
     return math.sqrt(fmean(value**2 for value in values)) if values else None
 
 
-class HasSettings(Protocol):
-    """A frame, or its row in the plots, with the settings that were in force."""
-
-    @property
-    def settings(self) -> Mapping[str, float | int | str]:
-        """Settings changed from the session's beginning to the frame, by name."""
-
-
-_FrameT = TypeVar("_FrameT", bound=HasSettings)
+_FrameT = TypeVar("_FrameT", FrameRow, NightFrame)
 
 
 def since_last_change(frames: Sequence[_FrameT]) -> Sequence[_FrameT]:
@@ -129,7 +121,7 @@ def since_last_change(frames: Sequence[_FrameT]) -> Sequence[_FrameT]:
 
 def consistency_of(frames: Sequence[NightFrame]) -> Consistency:
     """Judge the consistency of the filter by the lead's updates since its settings changed."""
-    updated = [frame for frame in frames if frame.updated is not None and frame.updated.nis]
+    updated = [frame for frame in frames if frame.updated and frame.updated.nis is not None]
     states = (frame.updated for frame in since_last_change(updated))
     updates = [each for each in updates_of(states) if each.nis is not None]
     nis = [each.nis for each in updates if each.nis is not None]

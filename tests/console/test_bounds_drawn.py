@@ -84,3 +84,11 @@ def test_bounds_and_residuals_are_where_the_numbers_say_or_an_arrow_says_they_ar
             band = [k for k, sign in enumerate(column) if sign in inside]
             assert abs(min(band) - row_of(bound, limit, count)) <= 1.0, what
             assert abs(max(band) - row_of(-bound, limit, count)) <= 1.0, what
+
+
+def test_a_night_without_any_track_has_no_axis_astray() -> None:
+    """As of foreign frames in which nothing was found."""
+    night = NightView(rows=tuple(FrameRow(frame_id=n, is_reduced=True) for n in range(3)))
+    lines = residual_lines(night, "east", WIDTH, HEIGHT)
+    assert len(lines) == HEIGHT
+    assert not "".join(text for line in lines[1:] for text, _ in line).strip()

@@ -311,8 +311,7 @@ def test_the_bounds_if_tried_are_those_of_the_lead_frame_by_frame():
         if s.kind == "updated"
     }
     assert len(sigmas) > 3
-    shown = {frame: (east, north) for frame, *(east, north) in figures.lead_sigmas_arcsec}
-    assert {frame: shown[frame] for frame in sigmas} == sigmas
+    assert {frame: figures.lead_sigmas_arcsec[frame] for frame in sigmas} == sigmas
     assert newest.update.updated.frame_id in sigmas
     assert newest.cadence_s > 0.0
 

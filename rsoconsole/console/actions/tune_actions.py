@@ -22,7 +22,6 @@ from rsoconsole.console.tuning.what_if_watch import (
     WhatIfWatch,
     count_present_settings_frames,
     lead_track_frames,
-    sigmas_by_frame,
 )
 from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.console.words.tunable import BY_NAME, NAMES, Value
@@ -87,7 +86,7 @@ class TuneActions:
             self.request_figures()  # what was tried is in force: its figures are those of the night
         self.pane.show(tune_lines(self.tuning, self.figures, words=self.words))
         then = self.figures.then if self.tuning.changes and self.is_open else None
-        self._seat.show_bounds_on_trial({} if then is None else sigmas_by_frame(then))
+        self._seat.show_bounds_on_trial({} if then is None else then.lead_sigmas_arcsec)
 
     def _forget_trial(self) -> None:
         self.figures = self.figures._replace(then=None, settled_then=None)

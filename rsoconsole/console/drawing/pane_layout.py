@@ -24,7 +24,7 @@ ORBIT_ROWS, ORBIT_COLUMNS = 8, 33
 """Least rows and columns of the orbit pane where it has a place of its own."""
 PLOTS_SHARE = 0.53
 """Share of the columns of a large terminal that the plots have, at all rows: half the screen."""
-MOST_ORBIT_ROWS = 37
+MAX_ORBIT_ROWS = 37
 """Most rows of the orbit pane where it is opened over the plots."""
 BANNER_ROWS = {"wide": 3, "narrow": 5}
 WIDE_BANNER_COLUMNS = 72
@@ -181,7 +181,7 @@ def orbit_box(
     others: tuple[Name, ...] = ("east", "north", "axis", "nis", "orbit")
     below = [box for name in others if (box := boxes.get(name)) and box.x == first.x]
     rows = [box.y + box.height - first.y for box in below]
-    most = max((n for n in rows if n <= MOST_ORBIT_ROWS), default=max(rows))
+    most = max((n for n in rows if n <= MAX_ORBIT_ROWS), default=max(rows))
     return Box(x=first.x, y=first.y, width=first.width, height=most)
 
 

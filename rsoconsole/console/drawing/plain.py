@@ -186,7 +186,7 @@ def _track_colours(*colours: str) -> dict[str, str]:
 TRACK_COLOURS = _track_colours("#9a7000", "#1f78b8", "#2a8a3a", "#a44fb4", "#b85f1a", "#6464c8")
 """Colours of the tracks' numbers as variables, for a theme that may be light."""
 _BRIGHT = _track_colours("#ffd75f", "#5fd7ff", "#87ff87", "#ff87ff", "#ffaf5f", "#afafff")
-"""The same for a dark theme, and over a picture in any theme but night."""
+"""Colour of a track in a dark theme, and over a picture in any theme but night."""
 
 THEMES = (
     Theme(

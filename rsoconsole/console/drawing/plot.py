@@ -110,12 +110,12 @@ class Canvas:
 
     def lines(self, labels: Mapping[float, str] | None = None) -> list[Line]:
         """Draw the plot; with ``labels`` (text by value) its axis stands on the left."""
-        if not self.columns or self.rows < 1:
-            return [[(" " * (AXIS_COLUMNS if labels is not None else 0), "dim")]] * self.rows
+        axis = 0 if labels is None else AXIS_COLUMNS
+        if not self.columns or self.rows < 1 or not self._points:
+            return _blank(self.columns + axis, self.rows)  # plotext draws no ticks without points
         from textual_plotext.plot import Plot
 
         figure = Plot()
-        axis = 0 if labels is None else AXIS_COLUMNS
         figure.plotsize(self.columns + axis, self.rows)
         figure.xaxes(False, False)
         figure.yaxes(labels is not None, False)
@@ -235,7 +235,7 @@ def nis_plot(
 
 
 def _blank(width: int, rows: int) -> list[Line]:
-    """Return a plot without any exposure: the first paint need not wait for plotext."""
+    """Return a plot without any content: the first paint need not wait for plotext."""
     return [[(" " * width, "")]] * rows
 
 

@@ -47,7 +47,7 @@ class TuneFigures(NamedTuple):
     settled: Settled | None = None
     """Bounds and gain to which the filter settles by the settings in force."""
     settled_then: Settled | None = None
-    """The same by the settings on trial."""
+    """Bounds and gain by the settings on trial."""
 
 
 @dataclass(slots=True)

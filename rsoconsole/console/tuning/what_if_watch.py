@@ -17,7 +17,6 @@ from rsoconsole.night import (
     FilterUpdate,
     FrameRow,
     NightView,
-    TrackFigures,
     filter_quality,
 )
 from rsoconsole.pipeline import SessionLogCache, WhatIfProcess, WhatIfQuestion
@@ -195,8 +194,3 @@ def count_present_settings_frames(night: NightView, last: int) -> int:
         all(night.setting(name, row.settings) == value for name, value in now.items())
         for row in lead_track_frames(night, last)
     )
-
-
-def sigmas_by_frame(figures: TrackFigures) -> dict[int, tuple[float, float]]:
-    """Return one sigma (east, north) of the lead by frame, arcsec."""
-    return {frame: (east, north) for frame, east, north in figures.lead_sigmas_arcsec}

@@ -137,7 +137,7 @@ def _misfit(row: FrameRow) -> tuple[int, float]:
 NEWEST = PlotWindow()
 MISS = "○"
 STRIP_LABEL_COLUMNS = 22
-NIS_FRAMES, MOST_JUDGED = 10, 200
+NIS_FRAMES, MAX_JUDGED = 10, 200
 WIDE_TITLE = 46
 """Columns of a plot from which on its title has whole words."""
 AXES = {"east": (0, "RA·cosδ", "RA"), "north": (1, "δ", "δ ")}
@@ -219,7 +219,7 @@ def nis_lines(
     ``of``: the track's name where it is not the lead.
     """
     updates = [row for row in window.seen(night.rows) if row.nis is not None]
-    judged_rows = since_last_change(updates)[-MOST_JUDGED:]
+    judged_rows = since_last_change(updates)[-MAX_JUDGED:]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
         return [draw_rule(f"{_of(of)}NIS: no update yet", "", width)]

@@ -119,7 +119,7 @@ class Bank:
     updates: int = 0
     """Number of measurements since the bank was started."""
     learning: "Bank | None" = None
-    """The same bank without factors, from which a held one that is young takes its noise."""
+    """Bank of the same track without factors, from which a young held one takes its noise."""
 
     @functools.cached_property
     def weights(self) -> FloatArray:

@@ -169,7 +169,7 @@ class BankInnovation:
     nis: float
     """NIS as in ``BankUpdate``."""
     learning: "BankInnovation | None" = None
-    """The same of the bank from which a young held one takes its noise."""
+    """Innovation of the bank from which a young held one takes its noise; None: there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,7 +22,7 @@ from rsoconsole.tracking.filters.sky_path import (
     propagate_with_jacobian,
 )
 
-MOST_UPDATES = 2000
+MAX_UPDATES = 2000
 WITHIN = 0.05
 """Share within which bounds and gain count as settled."""
 _STEADY = 1e-7
@@ -97,7 +97,7 @@ def settle(last: TrackUpdate, settings: FilterConfig, cadence_s: float) -> Settl
     history: list[FloatArray] = []
     for figures in linear.figures():
         history.append(figures)
-        if len(history) == MOST_UPDATES or (
+        if len(history) == MAX_UPDATES or (
             len(history) > 1 and np.all(np.abs(figures / history[-2] - 1.0) < _STEADY)
         ):
             break
