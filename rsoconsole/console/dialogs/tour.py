@@ -66,7 +66,7 @@ def tour_pages(keymap: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
             "            [━━] with its confidence. The close-up shows its pixels.\n\n"
             "Plots       the newest frame at the right. Confidence: is there a streak?\n"
             "            Residuals: how far it lay from where it was predicted; the\n"
-            "            the shaded band is the 3σ bounds it should stay in.\n"
+            "            shaded band is the 3σ bounds it should stay in.\n"
             "            NIS: do the filter's settings fit? 'in band' is good.\n\n"
             "Below       where the telescope points, how near its limits are, what\n"
             "            comes next; the log; the keys that matter now.",
