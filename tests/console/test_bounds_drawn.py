@@ -92,3 +92,18 @@ def test_a_night_without_any_track_has_no_axis_astray() -> None:
     lines = residual_lines(night, "east", WIDTH, HEIGHT)
     assert len(lines) == HEIGHT
     assert not "".join(text for line in lines[1:] for text, _ in line).strip()
+
+
+@pytest.mark.parametrize("terminal", [(1, 1), (20, 5), (80, 24)])
+def test_plots_have_the_size_of_their_pane_whatever_terminal_is_found(
+    monkeypatch: pytest.MonkeyPatch, terminal: tuple[int, int]
+):
+    """Where a terminal is made smaller, its panes have their old size for a moment."""
+    monkeypatch.setenv("COLUMNS", str(terminal[0]))
+    monkeypatch.setenv("LINES", str(terminal[1]))
+    night = NightView(rows=rows(1))
+    for width, height in ((AXIS_COLUMNS + 120, 40), (80, 3), (24, 2)):
+        lines = residual_lines(night, "east", width, height)
+        assert [sum(len(text) for text, _ in line) for line in lines] == [width] * height
+    [strip] = residual_lines(night, "east", 80, 1)
+    assert len("".join(text for text, _ in strip).split("3σ")[1].rstrip()) > FRAMES

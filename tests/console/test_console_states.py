@@ -28,6 +28,8 @@ from rsoconsole.base import RsoconsoleError, SessionError
 from rsoconsole.console import run_console
 from rsoconsole.console.app import ConsoleApp, command_action, is_utf8
 from rsoconsole.console.commands.commands import COMMANDS, commands_in
+from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.panes.panes import NOT_DRAWN
 from rsoconsole.control import ControlServer, Outcome, Request
 from rsoconsole.records import Event
 from rsoconsole.session import SessionWriter
@@ -481,6 +483,24 @@ def test_a_terminal_is_made_small_and_large_again_and_stops_at_any_size(told, ho
         assert set(told.verbs) == {"stop"}
 
 
+def test_a_pane_that_cannot_be_drawn_says_so_and_stop_is_sent(wire, caplog):
+    def broken(_width: int, _height: int) -> list[Line]:
+        raise ZeroDivisionError("of a plot")
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        nis = app.live.pane("nis")
+        nis.show(broken)
+        await pilot.resize_terminal(*LARGE)
+        await until(pilot, lambda: NOT_DRAWN in nis.text)
+        await pilot.press("x")
+        await until(pilot, lambda: wire.verbs == ["stop"])
+        nis.show(lambda _width, _height: [])
+
+    play(wire, scene, FULL)
+    assert "nis cannot be drawn" in caplog.text
+    assert "ZeroDivisionError" in caplog.text
+
+
 @pytest.mark.parametrize("keys", ["f1", "q", "t", "p", "g", "l", "e", "n", "slash", "ctrl+p"])
 @pytest.mark.parametrize("size", plain_first(1, [(TINY,), (SMALL,)]))
 def test_no_dialog_breaks_in_a_small_terminal(wire, size, keys):
@@ -716,7 +736,7 @@ def test_a_console_that_is_told_to_end_leaves_the_terminal_as_it_was(told, home,
 
 
 def test_a_console_that_breaks_gives_the_terminal_back_and_one_line(told, home):
-    breaks = "from rsoconsole.console.words import words; words.top_lines = lambda *_, **__: 1 / 0"
+    breaks = "from rsoconsole.console.app import ConsoleApp as A; A.ring_alerts = lambda *_: 1 / 0"
     command = [sys.executable, "-c", f"{breaks}; from rsoconsole.cli import main; main()"]
     with Terminal([*command, "console"], home, (200, 24)) as seat:
         wait_for(lambda: seat.process.poll() is not None, "the console's end")

@@ -20,7 +20,7 @@ from textual.pilot import Pilot
 from rsoconsole.base import ControlError
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.dialogs.dialogs import Dialog
-from rsoconsole.console.panes.panes import LinesPane, StopBanner
+from rsoconsole.console.panes.panes import NOT_DRAWN, LinesPane, StopBanner
 from rsoconsole.console.tuning import what_if_watch
 from rsoconsole.control import BeginMark, Command, Outcome
 from rsoconsole.pipeline import WhatIfProcess, WhatIfQuestion
@@ -189,6 +189,8 @@ async def opened(app: ConsoleApp, size: tuple[int, int] = FULL) -> AsyncIterator
         patch.setattr(what_if_watch, "WhatIfProcess", _shared_trials)
         async with app.run_test(size=size) as pilot:
             yield pilot
+            panes = [p for screen in app.screen_stack for p in screen.query(LinesPane)]
+            assert [p.id for p in panes if NOT_DRAWN in p.text] == []
             if app.screen_stack and app.screen.is_running:
                 app.screen._compositor.render_update(
                     full=True, screen_stack=app._background_screens

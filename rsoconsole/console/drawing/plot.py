@@ -116,6 +116,9 @@ class Canvas:
         from textual_plotext.plot import Plot
 
         figure = Plot()
+        # plotext cuts a plot to the terminal that it finds: none in tests, another one by now
+        # where the console's is being resized. It has no public way out.
+        figure._limit_size(False, False)
         figure.plotsize(self.columns + axis, self.rows)
         figure.xaxes(False, False)
         figure.yaxes(labels is not None, False)

@@ -1,5 +1,6 @@
 """Widgets of the screens: they show lines and pictures made elsewhere."""
 
+import logging
 from collections.abc import Callable
 from typing import get_args
 
@@ -14,8 +15,12 @@ from rsoconsole.console.timeline.lines import strip_columns
 from rsoconsole.console.timeline.timeline import EXAMPLES
 from rsoconsole.console.words.words import wrap_to_rows
 
+log = logging.getLogger(__name__)
+
 Build = Callable[[int, int], list[Line]]
 """Function that builds a pane's lines: (width, height) -> lines."""
+
+NOT_DRAWN = "cannot be drawn: see the log"
 
 INKS = {
     "": "",
@@ -57,7 +62,11 @@ class LinesPane(Widget):
     def _rebuild(self) -> None:
         if self._build is None or not self.size.width or not self.size.height:
             return
-        lines = self._build(self.size.width, self.size.height)
+        try:
+            lines = self._build(self.size.width, self.size.height)
+        except Exception:  # whatever it is, STOP and the other panes must not go with it
+            log.exception("the pane %s cannot be drawn", self.id)
+            lines = [[(NOT_DRAWN, "alarm")]]
         if lines != self._lines:
             self._lines = lines
             self.refresh()
