@@ -358,6 +358,22 @@ def test_what_is_tried_is_shown_then_applied_then_undone(wire: FakeWire):
     play(wire, scene)
 
 
+def test_all_settings_that_were_applied_or_undone_together_are_named(wire: FakeWire):
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached)
+        await pilot.press("t")
+        await until(pilot, lambda: "as it was" in pane(app, "tune"))
+        await pilot.press("right", "down", "right", "enter")
+        await until(pilot, lambda: wire.verbs == ["set", "set"])
+        await until(pilot, lambda: all(n in pane(app, "keys") for n in ("τ 0.1 → ", "Q× 1 → ")))
+        await pilot.press("u")
+        await until(pilot, lambda: wire.verbs == ["set"] * 4)
+        said = ("→ 0.1 ", "→ 1 ")
+        await until(pilot, lambda: all(n in pane(app, "keys") for n in said))
+
+    play(wire, scene)
+
+
 def test_help_explains_the_pane_that_has_the_keys(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         await until(pilot, lambda: app.live.engine.is_attached)

@@ -49,7 +49,7 @@ class CommandOutcomes(MarkActions):
             self.report_mark_accepted(command, outcome)
         elif outcome.ok:
             said = f"{name}: {outcome.message or 'done'}"
-            self.say(self.tune.applied_setting_words(command) or said, "good")
+            self.say(self.tune.take_applied(command) or said, "good")
             if isinstance(command, Arm):
                 self.show_stop(None)
             elif isinstance(command, Shutdown):

@@ -43,6 +43,8 @@ class TuneActions:
         self.tuning = Tuning()
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
+        self._applied: list[str] = []
+        """Changes that the engine has accepted of the settings sent last, in words."""
 
     @property
     def pane(self) -> TunePane:
@@ -273,21 +275,23 @@ class TuneActions:
         self._preview()
 
     def _set(self, wanted: Mapping[str, Value], frames: int | None = None) -> None:
+        self._applied = []
         for name, value in wanted.items():
             self.tuning.replaced[name] = self.tuning.present.get(name)
             self._seat.send(Set(name=name, value=value, frames=frames))
 
-    def applied_setting_words(self, command: Command) -> str:
-        """Return the change that a setting command made, such as "Q× 1 → 2.25 from the next frame".
+    def take_applied(self, command: Command) -> str:
+        """Take an accepted setting; return what was changed with it: "Q× 1 → 2.25 from the next
+        frame".
 
         Empty for other commands, and for a setting that was not set at this console.
         """
         if not isinstance(command, Set) or command.name not in self.tuning.replaced:
             return ""
         before = self.tuning.replaced[command.name]
-        change = BY_NAME[command.name].change_words(before, command.value)
+        self._applied.append(BY_NAME[command.name].change_words(before, command.value))
         lasts = "" if command.frames is None else f", for {command.frames} frames"
-        return f"{change} from the next frame{lasts}"
+        return f"{' · '.join(self._applied)} from the next frame{lasts}"
 
     def _save(self) -> None:
         seat = self._seat
