@@ -1,12 +1,13 @@
 """What the plots draw of residuals and bounds, against the numbers, at every scale."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rsoconsole.console.drawing.plot import AXIS_COLUMNS, SHADE
-from rsoconsole.console.words.panels import residual_lines
+from rsoconsole.console.words.panels import nis_lines, residual_lines
 from rsoconsole.night import FrameRow, NightView
 
 STATES, FRAMES = 500, 30
@@ -92,6 +93,37 @@ def test_a_night_without_any_track_has_no_axis_astray() -> None:
     lines = residual_lines(night, "east", WIDTH, HEIGHT)
     assert len(lines) == HEIGHT
     assert not "".join(text for line in lines[1:] for text, _ in line).strip()
+
+
+def changes_drawn(*frames: FrameRow) -> str:
+    lines = residual_lines(NightView(rows=frames), "east", WIDTH, HEIGHT)
+    return "\n".join("".join(text for text, _ in line) for line in lines)
+
+
+def test_a_change_of_settings_is_drawn_and_a_frame_that_was_not_processed_is_none():
+    def row(number: int, **of: Any) -> FrameRow:
+        return FrameRow(
+            frame_id=number, residual_arcsec=(0.1, 0.1), sigma_arcsec=(0.2, 0.2), nis=1.0, **of
+        )
+
+    before, after = {"filter.q_multiplier": 1.0}, {"filter.q_multiplier": 100.0}
+    first = row(1, settings=before, is_reduced=True)
+    gap = FrameRow(frame_id=2)  # by hand: nothing is processed, no setting is on record
+    unchanged = row(3, settings=dict(before), is_reduced=True)
+    changed = row(4, settings=after, is_reduced=True)
+    assert "Q×" not in changes_drawn(first, gap, unchanged)
+    assert "Q×100" in changes_drawn(first, gap, unchanged, changed)
+
+
+def test_nis_is_judged_over_the_present_track_alone():
+    frames = [
+        FrameRow(frame_id=n, residual_arcsec=(0.1, 0.1), sigma_arcsec=(0.2, 0.2), nis=2.0)
+        for n in range(1, 13)
+    ]
+    for begun, count in ((1, 12), (10, 3)):
+        night = NightView(rows=tuple(frames), track_frame_id=begun)
+        title = "".join(text for text, _ in nis_lines(night, 80, 8)[0])
+        assert f"NIS 2.0 /{count} " in title
 
 
 @pytest.mark.parametrize("terminal", [(1, 1), (20, 5), (80, 24)])

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from textual.pilot import Pilot
 from textual.screen import Screen
-from textual.widgets import Button, Input
+from textual.widgets import Button, Input, Static
 
 from rsoconsole.base import ControlError, RsoconsoleError, SessionError
 from rsoconsole.config import Config
@@ -894,6 +894,10 @@ def test_the_palette_knows_every_action_and_quits_nothing_unasked(wire: FakeWire
         await pilot.press("enter")
         await until(pilot, lambda: isinstance(app.screen, LeaveDialog))
         assert wire.verbs == []
+        # What it says of the engine is as new as the first line.
+        wire.status |= {"state": "IDLE", "holder": "nobody"}
+        state = app.screen.query_one("#state", Static)
+        await until(pilot, lambda: "IDLE, nobody has the mount" in str(state.render()))
 
     play(wire, scene)
 

@@ -16,7 +16,7 @@ DIALOGS: dict[str, Callable[[], Dialog]] = {
     "exposure": lambda: ExposureDialog({}),
     "a line": lambda: LineDialog("note", "words"),
     "yes or no": lambda: ConfirmDialog("park", "park?", yes="Park", letter="y"),
-    "leave": lambda: LeaveDialog("it runs", proposes_staying=False),
+    "leave": lambda: LeaveDialog(lambda: "it runs", proposes_staying=False),
     "help": HelpDialog,
     "tour": lambda: TourDialog({}),
 }

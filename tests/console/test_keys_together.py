@@ -5,6 +5,7 @@ import contextlib
 import json
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 from textual.command import CommandPalette
+from textual.containers import VerticalScroll
 from textual.events import Key
 from textual.pilot import Pilot
 from textual.widgets import Input
@@ -28,6 +30,7 @@ from rsoconsole.console.dialogs.up_list import VisibleSatellitesDialog
 from rsoconsole.console.panes.panes import MomentField
 from rsoconsole.console.screens.live import LiveScreen
 from rsoconsole.console.screens.review import ReviewScreen
+from rsoconsole.control import Command, Outcome
 from tests.rigs.seat_rig import FakeWire, can_answer, opened, pane, play, until
 from tests.rigs.terminal import EVERY_S, Terminal
 
@@ -285,8 +288,33 @@ def test_an_answer_counts_once_the_question_has_been_drawn(wire: FakeWire, keys:
         await can_answer(app, pilot)
         await asyncio.sleep(UNASKED_DEAF_S)
         assert isinstance(app.screen, dialog)
+        assert f"{keys[-1]} came before" in app.screen.query_one(VerticalScroll).border_subtitle
         await pilot.press(keys[-1])
         await until(pilot, lambda: not isinstance(app.screen, dialog))
+
+    play(wire, scene)
+
+
+def test_enter_before_the_way_is_shown_is_said_to_be_too_early(
+    wire: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
+    is_shown, send = threading.Event(), wire.send
+
+    def late(command: Command, *arguments: Any, **named: Any) -> Outcome:
+        if command.verb == "preview":
+            is_shown.wait(PATIENCE_S)
+        return send(command, *arguments, **named)
+
+    monkeypatch.setattr(wire, "send", late)
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        await until(pilot, lambda: app.live.engine.is_attached and app.live.night.config)
+        burst(app, "g", *"83.05 -4.87", "enter")
+        await until(pilot, lambda: isinstance(app.screen, GotoDialog))
+        box = app.screen.query_one(VerticalScroll)
+        await until(pilot, lambda: "enter came before" in (box.border_subtitle or ""))
+        is_shown.set()
+        assert "goto" not in wire.verbs
 
     play(wire, scene)
 

@@ -322,6 +322,24 @@ def test_the_limits_are_told_as_soon_as_it_is_known_where_the_telescope_looks() 
     assert [bool(sky.margins_deg) for sky in skies] == [False, True]
 
 
+def test_the_limits_follow_a_telescope_that_was_sent_elsewhere(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(outlook_watch, "BREATH_S", 0.0)
+    skies: list[Any] = []
+    watch = OutlookWatch(skies.append, lambda _: None)
+    told = folded().view()
+    for mount_deg in (150.0, 150.1, 190.0):
+        engine = EngineView(
+            reach="attached",
+            now_utc_ns=night.t_of(5),
+            mount_ra_icrs_deg=mount_deg,
+            mount_dec_icrs_deg=-5.0,
+        )
+        watch.update(told, engine)
+        watch._look()
+    first, second = (dict(sky.margins_deg) for sky in skies)
+    assert all(abs(first[name] - second[name]) > 5.0 for name in ("altitude", "hour angle"))
+
+
 def test_it_is_computed_again_for_another_orbit_and_not_for_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

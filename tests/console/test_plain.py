@@ -1,6 +1,7 @@
 """The screen for terminals without Unicode: ASCII, as wide as before, and still to be read."""
 
 import string
+from pathlib import Path
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,6 +10,7 @@ from rich.style import Style
 from textual.color import Color
 from textual.pilot import Pilot
 
+import rsoconsole
 from rsoconsole.config import ConsoleConfig
 from rsoconsole.console.app import ConsoleApp
 from rsoconsole.console.drawing.plain import AsciiFilter, spell_out_signs, to_ascii
@@ -32,6 +34,16 @@ def test_what_the_seat_says_stays_readable():
     assert to_ascii("⠛⣤⠁⡀⠀○") == "**'. o"
     assert to_ascii("⣀⠉") == "**"  # one that lies across two cells
     assert to_ascii(string.printable) == string.printable
+
+
+def test_every_sign_that_the_screen_has_is_readable():
+    signs = {
+        sign
+        for room in ("console", "control", "words", "night")
+        for path in Path(rsoconsole.__file__).parent.joinpath(room).rglob("*.py")
+        for sign in path.read_text(encoding="utf-8")
+    }
+    assert {each for each in signs - {*"▖▗▘▝▙▚▛▜▞▟"} if to_ascii(each) == "?"} == {"?"}
 
 
 def test_signs_are_spelled_out_where_the_line_has_room():

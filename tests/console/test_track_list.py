@@ -8,7 +8,7 @@ from textual.pilot import Pilot
 
 from rsoconsole.console.actions.second_press import REPEAT_S
 from rsoconsole.console.app import ConsoleApp
-from rsoconsole.console.words.track_lines import track_list_lines
+from rsoconsole.console.words.track_lines import _cut_name, track_list_lines
 from rsoconsole.night import Night
 from rsoconsole.night.current_tracks import MAX_ROWS
 from rsoconsole.records import (
@@ -72,6 +72,11 @@ def test_where_there_is_room_brightness_age_and_orbit_have_their_columns():
     assert "ASTRA 19.…" in chosen or "ASTRA 19.2E" in chosen
     assert "50" in chosen.split()  # SNR
     assert "ASTRA 19.2E SPARE?" in " ".join(said)  # ambiguous, and in full below
+
+
+def test_a_cut_name_keeps_the_number_by_which_satellites_of_a_series_differ():
+    assert _cut_name("ECHOSTAR 16 (USA)", 8) == "ECHOSTA…"
+    assert [_cut_name(f"ECHOSTAR {n}", 8) for n in (15, 16)] == ["ECHOS…15", "ECHOS…16"]
 
 
 def test_a_list_longer_than_its_place_keeps_the_chosen_one_in_sight():

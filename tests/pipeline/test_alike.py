@@ -8,7 +8,7 @@ import pytest
 
 from rsoconsole.pipeline import replay
 from rsoconsole.pipeline.replays.record_equality import are_nearly_equal, is_nearly_equal
-from rsoconsole.records import Cause, Miss, Missed, StateChange, TrackState
+from rsoconsole.records import Cause, Miss, Missed, Mixture, StateChange, TrackState
 from rsoconsole.session import SessionReader
 from tests.nights.samples import SAMPLE
 
@@ -42,6 +42,23 @@ def test_the_last_digits_make_no_other_track(track: TrackState) -> None:
     assert is_nearly_equal(track, track)
     for seed in range(20):
         assert is_nearly_equal(track, rounded(track, 1e-10, seed))
+
+
+def test_an_acceleration_near_nothing_is_judged_by_its_sigma() -> None:
+    """On two processors that of a young track of the sample night differs by 1.2e-7 of itself."""
+    mixture = Mixture(
+        motion_probabilities=(("steady", 1.0),),
+        acceleration_arcsec_s2=4e-7,
+        acceleration_sigma_arcsec_s2=0.1,
+        turn=0.0,
+        turn_sigma=0.1,
+        scatter_s=0.01,
+        scatter_low_s=0.005,
+        scatter_high_s=0.02,
+    )
+    for more, is_same in ((1e-9, True), (1e-7, False)):
+        other = replace(mixture, acceleration_arcsec_s2=4e-7 + more)
+        assert is_nearly_equal(mixture, other) is is_same
 
 
 def test_what_a_person_could_see_makes_one(track: TrackState) -> None:

@@ -29,7 +29,8 @@ from rsoconsole.control import MAX_FRAMES, Command, Set
 
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5
-EVERY_S = 20.0
+EVERY_S, NEW_FRAME_S = 20.0, 5.0
+"""Least seconds between requests of the figures: of the same frames, and of others."""
 """Least seconds between two computations of an open pane's figures."""
 
 
@@ -43,6 +44,7 @@ class TuneActions:
         self.tuning = Tuning()
         self._watch: WhatIfWatch | None = None
         self._computed_s = 0.0
+        self._computed_of = (0, 0)
         self._applied: list[str] = []
         """Changes that the engine has accepted of the settings sent last, in words."""
 
@@ -130,12 +132,18 @@ class TuneActions:
         """Return how many of the lead's last frames the figures cover."""
         return len(lead_track_frames(self._seat.night)) or LAST_FRAMES
 
+    @property
+    def _frames_of_lead(self) -> tuple[int, int]:
+        """First and last frame of the lead track."""
+        night = self._seat.night
+        return night.track_frame_id, night.rows[-1].frame_id if night.rows else 0
+
     def request_figures(self) -> None:
         """Request the figures: as recorded, and with the changed settings."""
         seat = self._seat
         if seat.night.folder is None or seat.night.config is None:
             return
-        self._computed_s = time.monotonic()
+        self._computed_s, self._computed_of = time.monotonic(), self._frames_of_lead
         until_seq, last = self.figures_scope()
         self._started_watch().ask(
             seat.night.folder,
@@ -170,10 +178,14 @@ class TuneActions:
         self._preview()
 
     def refresh_stale_figures(self) -> None:
-        """Request the figures of a visible pane, where the last request is ``EVERY_S`` old."""
+        """Request the figures of a visible pane, where the last ones are of other frames, or old.
+
+        What is on trial takes a process some seconds: it is computed for old ones alone.
+        """
         if not self._seat.night.is_read:
             return  # nobody knows yet over how many frames
-        is_due = time.monotonic() - self._computed_s >= EVERY_S
+        is_new = not self.tuning.changes and self._computed_of != self._frames_of_lead
+        is_due = time.monotonic() - self._computed_s >= (NEW_FRAME_S if is_new else EVERY_S)
         if self.pane.display and is_due:
             self.request_figures()
 

@@ -84,6 +84,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._names: Any = None
         self._asked = 0
         self._preview: MovePreview | None = None
+        self._is_asking = False
+        """True until the engine's preview of the typed direction is shown."""
 
     def compose(self) -> ComposeResult:
         """Make the field, and a line that says what the typed text means."""
@@ -97,7 +99,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         self._look(event.value)
 
     def _look(self, text: str) -> None:
-        self._preview = None
+        self._preview, self._is_asking = None, False
         self._asked += 1
         if self._config() is None:
             self._say(UNREAD if text.strip() else "")
@@ -115,6 +117,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
 
     def _ask(self, text: str) -> None:
         found = self._understood(text)
+        self._is_asking = True
         caution = f"\ncareful: {found.caution}" if found.caution else ""
         self._say(f"{found.words}{caution}\nasking the engine …")
 
@@ -137,6 +140,7 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         """Show the engine's preview of the last direction typed."""
         if number != self._asked:
             return
+        self._is_asking = False
         if not outcome.ok:
             self._say(f"{words}\n{outcome.message}")
             return
@@ -150,6 +154,8 @@ class GotoDialog(FieldDialog[tuple[float, float] | None]):
         event.stop()
         preview = self._preview
         if preview is None:
+            if self._is_asking:
+                self.say_too_early("enter")
             return
         if preview.refused:
             self.app.bell()

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from textual.app import ComposeResult
@@ -15,6 +15,7 @@ from textual.widgets import Button, Static
 
 UNASKED_DEAF_S = 0.5
 """Seconds for which a dialog that opened by itself drops keys, and again after each such key."""
+STATE_EVERY_S = 0.5
 LeaveChoice = Literal["leave", "stop engine", "stay"]
 Result = TypeVar("Result")
 
@@ -72,6 +73,8 @@ class Dialog(ModalScreen[Result], Generic[Result]):
             is_early = self._is_answer(event.key) and event.time < self._opened_s
             if self.ignores_keys or is_early:
                 self._dropped_s = time.monotonic()
+                if is_early:
+                    self.say_too_early(event.key)
                 event.stop()
                 event.prevent_default()
                 return
@@ -88,6 +91,12 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     def _note_opened(self) -> None:
         self._opened_s = time.monotonic()
+
+    def say_too_early(self, key: str) -> None:
+        """Say in the lower border that an answer came before its question could be read."""
+        for box in self.query(VerticalScroll).results():
+            box.border_subtitle = f"{key} came before this could be read: again · esc back"
+            return
 
     def _is_answer(self, key: str) -> bool:
         return self.ANSWERS is None or key in self.ANSWERS
@@ -303,10 +312,10 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
         "stay": "esc  Stay here",
     }
 
-    def __init__(self, state_words: str, *, proposes_staying: bool) -> None:
+    def __init__(self, state_words: Callable[[], str], *, proposes_staying: bool) -> None:
         """Make the dialog.
 
-        ``state_words``: what the engine does now.
+        ``state_words``: returns what the engine does now; called again while the dialog is open.
         ``proposes_staying``: True where the focus is on staying, since the telescope moves by hand.
         """
         super().__init__()
@@ -316,13 +325,15 @@ class LeaveDialog(Dialog[LeaveChoice | None]):
     def compose(self) -> ComposeResult:
         """Make a button for each of the three choices."""
         with dialog_box("leave the console"):
-            yield Static(self._state_words, markup=False)
+            yield Static(self._state_words(), id="state", markup=False)
             with Vertical(classes="choices"):
                 for choice, words in self.CHOICES.items():
                     yield Button(words, name=choice, id=choice.replace(" ", "-"), compact=True)
 
     def on_mount(self) -> None:
         """Put the cursor on a choice that does not end the engine: leaving, or staying."""
+        state = self.query_one("#state", Static)
+        self.set_interval(STATE_EVERY_S, lambda: state.update(self._state_words()))
         self.query_one("#stay" if self._proposes_staying else "#leave", Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:

@@ -21,7 +21,7 @@ _SIGNS = str.maketrans(
         **dict(zip("↑↓←→↗↘↙↖▲▼‹›▔", "^v<>/\\/\\^v<>-", strict=True)),
         **dict(zip("╍░✎═△▽", "~:n=AV", strict=True)),
         **dict(zip("«»▾▴◂▫", "<>v^<.", strict=True)),
-        **dict(zip("▀╱╲", "#/\\", strict=True)),
+        **dict(zip("▀╱╲Δ−µ", "#/\\D-u", strict=True)),
     }
 )
 SPELLED = {"±": "+-", "σ": "sig", "τ": "tau", "α": "RA", "δ": "Dec"}

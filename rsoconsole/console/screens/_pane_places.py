@@ -42,7 +42,9 @@ def _put(widget: Widget, box: Box | None) -> None:
         widget.styles.width, widget.styles.height = box.width, box.height
 
 
-BESIDE_TUNING: tuple[Name, ...] = ("confidence", "east", "north", "axis", "nis", "facts", "log")
+BESIDE_TUNING: tuple[Name, ...] = (
+    *("confidence", "east", "north", "axis", "nis", "facts", "strip", "log"),
+)
 """Panes that go on beside the tuning pane where it would cover a part of them."""
 
 

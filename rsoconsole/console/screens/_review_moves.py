@@ -69,6 +69,7 @@ class ReviewNavigation(NightScreen):
             self.say("the session has no frames", "warn")
             return False
         self.player.is_playing = False
+        self.forget_notice()  # it was said of another moment
         last = self.timeline.step(self.timeline.last_seq, 0)
         self.is_at_head = seq == last and not self.timeline.is_closed
         self.want(seq)

@@ -213,15 +213,21 @@ class LiveScreen(NightScreen, LiveTrackActions, CommandOutcomes, NudgeActions):
             elif choice == "stop engine":
                 self.send(Shutdown())
 
-        holder = mount_holder_words(self.engine.holder, "seat")
-        text = f"The engine is running: {self.engine.state or 'state not known'}, {holder}."
         is_moving = bool(self.engine.is_slewing)
-        if is_moving:
-            text += f" THE TELESCOPE IS MOVING: {motion_words(self.engine)}."
-        if has_track(self.engine):
-            text += f" It follows {self.twice.track_words()}."
         is_left_alone = is_moving and self.engine.holder != "autonomy"
-        self.app.push_screen(LeaveDialog(text, proposes_staying=is_left_alone), decided)
+        dialog = LeaveDialog(self._running_words, proposes_staying=is_left_alone)
+        self.app.push_screen(dialog, decided)
+
+    def _running_words(self) -> str:
+        """Return what the engine does now, for an operator who leaves."""
+        engine = self.engine
+        holder = mount_holder_words(engine.holder, "seat")
+        text = f"The engine is running: {engine.state or 'state not known'}, {holder}."
+        if engine.is_slewing:
+            text += f" THE TELESCOPE IS MOVING: {motion_words(engine)}."
+        if has_track(engine):
+            text += f" It follows {self.twice.track_words()}."
+        return text
 
     def action_put_away(self) -> None:
         """Cancel an unfinished mark; without one close the uppermost overlay."""

@@ -24,6 +24,7 @@ from rsoconsole.console.picture.picture import Picture, read_closeup, read_pictu
 from rsoconsole.control import AskStatus, ControlClient, Poller
 from rsoconsole.night import Night, NightView
 from rsoconsole.session import SessionReader
+from rsoconsole.sky import separation_deg
 from rsoconsole.words import NOT_SHOWN
 
 log = logging.getLogger(__name__)
@@ -217,12 +218,16 @@ if TYPE_CHECKING:
 EVERY_S = 30.0
 WAIT_S = 1.0
 BREATH_S = 2.0
-"""Least seconds between two predictions of a running engine's orbit: simulated nights are fast."""
+"""Least seconds between two computations for a running engine: simulated nights are fast."""
+NEAR_DEG = 0.5
 MINUTE_NS = 60 * 10**9
 
 
 class OutlookWatch(Poller):
-    """Thread that computes the outlook every half minute, and after a change of state or target."""
+    """Thread that computes the outlook every half minute, and after what makes it another one.
+
+    That is a change of state or target, another minute, and a telescope that looks elsewhere.
+    """
 
     def __init__(
         self, on_seen: Callable[["SkyOutlook"], None], on_orbit: Callable[[OrbitPrediction], None]
@@ -232,6 +237,9 @@ class OutlookWatch(Poller):
         self._known = (NightView(), EngineView())
         self._computed_s = self._orbit_s = -EVERY_S
         self._computed_of: object = None
+        self._minute = 0
+        self._direction: tuple[float, float] | None = None
+        """Minute of the clock, and the telescope's direction, of the last outlook."""
         self._orbit_of: object = None
 
     def update(self, night: NightView, engine: EngineView) -> None:
@@ -253,10 +261,15 @@ class OutlookWatch(Poller):
     def _compute(self, config: Config, night: NightView, engine: EngineView, now: int) -> None:
         direction = _direction(night, engine)
         is_known = night.track is not None, direction is not None
-        of = (night.folder, night.state, is_known, _minute(engine, now))
-        if of == self._computed_of and time.monotonic() - self._computed_s < EVERY_S:
-            return
+        of = (night.folder, night.state, is_known)
+        since_s = time.monotonic() - self._computed_s
+        if of == self._computed_of:
+            is_same = now // MINUTE_NS == self._minute and _is_near(direction, self._direction)
+            least_s = BREATH_S if engine.is_attached else 0.0
+            if since_s < (EVERY_S if is_same else least_s):
+                return
         self._computed_of, self._computed_s = of, time.monotonic()
+        self._minute, self._direction = now // MINUTE_NS, direction
         # Late: the sky's computation loads slowly, and the first paint does not wait for it.
         from rsoconsole.pipeline import sky_outlook
 
@@ -289,9 +302,11 @@ class OutlookWatch(Poller):
             self._on_orbit(ahead)
 
 
-def _minute(engine: EngineView, now: int) -> int | None:
-    """Return the minute of a recorded night's clock, which a review may move fast; None: live."""
-    return None if engine.is_attached else now // MINUTE_NS
+def _is_near(direction: tuple[float, float] | None, before: tuple[float, float] | None) -> bool:
+    """Return True for directions (ICRS degrees) so near that no limit differs by a figure."""
+    if direction is None or before is None:
+        return direction is before
+    return separation_deg(*direction, *before) < NEAR_DEG
 
 
 def _direction(night: NightView, engine: EngineView) -> tuple[float, float] | None:

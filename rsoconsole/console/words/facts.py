@@ -222,7 +222,7 @@ def _motion_items(
         (f"prediction 3σ {angle(3 * max(east, north))}{age}", "warn" if age else ""),
     ]
     if coasts := coast_words(night, now_utc_ns):
-        items.insert(0, (coasts, "warn"))
+        items[:0] = [(part, "warn") for part in coasts.split(" · ")]
     if leaving:
         items.insert(0, (leaving, "warn"))
     if reason := aim_reason(night, engine):

@@ -1,6 +1,5 @@
 """The panes of the plots: confidence, residuals and NIS for a window of frames, with titles."""
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -219,6 +218,8 @@ def nis_lines(
     ``of``: the track's name where it is not the lead.
     """
     updates = [row for row in window.seen(night.rows) if row.nis is not None]
+    # Of the present track alone, where the window shows any of it.
+    updates = [row for row in updates if row.frame_id >= night.track_frame_id] or updates
     judged_rows = since_last_change(updates)[-MAX_JUDGED:]
     values = [row.nis for row in judged_rows if row.nis is not None]
     if not values:
@@ -253,15 +254,15 @@ def _with_changes(
     columns: Sequence[PlotColumn], rows: Sequence[FrameRow], names: str
 ) -> list[PlotColumn]:
     """Return the columns with the settings that were changed before each, by their names' begin."""
-    pairs = zip(columns[1:], itertools.pairwise(rows), strict=True) if columns else ()
-    changed = [
-        replace(column, change=words)
-        if before.settings is not after.settings
-        and (words := change_words(before.settings, after.settings, names))
-        else column
-        for column, (before, after) in pairs
-    ]
-    return [*columns[:1], *changed]
+    marked, before = list(columns), None
+    for at, row in enumerate(rows):
+        if not row.is_reduced:  # nothing was processed by any settings
+            continue
+        if before is not None and before.settings is not row.settings:
+            words = change_words(before.settings, row.settings, names)
+            marked[at] = replace(marked[at], change=words)
+        before = row
+    return marked
 
 
 def _column(

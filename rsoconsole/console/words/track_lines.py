@@ -234,9 +234,17 @@ def _joined(columns: tuple[_Column, ...], words: list[str], width: int) -> str:
     cells = []
     for column, said in zip(columns, words, strict=True):
         wide = column.width or name_columns
-        cut = said if len(said) <= wide else f"{said[: wide - 1]}…"
+        cut = said if len(said) <= wide else _cut_name(said, wide)
         cells.append(f"{cut:<{wide}}" if column.is_left else f"{cut:>{wide}}")
     return " ".join(cells)
+
+
+def _cut_name(said: str, wide: int) -> str:
+    """Cut a name so that the number at its end, by which satellites of a series differ, stays."""
+    head, gap, last = said.rpartition(" ")
+    is_number = bool(gap) and last[:1].isdigit() and len(last) <= wide // 2
+    end = last if is_number else ""
+    return f"{(head if end else said)[: wide - 1 - len(end)]}…{end}"
 
 
 def _ink(track: FollowedTrack) -> Ink:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from rsoconsole.records import TrackState
+from rsoconsole.records import Mixture, TrackState
 
 ROUNDING = 1e-7
 """Relative tolerance: after a night processors differ by 1e-12, other settings by 1e-3."""
@@ -20,18 +20,35 @@ def are_nearly_equal(ours: Sequence[Any], theirs: Sequence[Any]) -> bool:
 
 def is_nearly_equal(one: Any, other: Any) -> bool:
     """True where two records, or two values of records, agree apart from rounding."""
-    if one == other:
-        return True
-    if type(one) is not type(other):
-        return False
+    if one == other or type(one) is not type(other):
+        return bool(one == other)
     if isinstance(one, TrackState):
         return _is_same_track(one, other)
+    if isinstance(one, Mixture):
+        return _is_same_mixture(one, other)
     if is_dataclass(one):
         names = (field.name for field in fields(one))
         return all(is_nearly_equal(getattr(one, name), getattr(other, name)) for name in names)
     if isinstance(one, tuple):
         return are_nearly_equal(one, other)
     return isinstance(one, float) and math.isclose(one, other, rel_tol=ROUNDING)
+
+
+def _is_same_mixture(one: Mixture, other: Mixture) -> bool:
+    """True where probabilities agree, and what has a sigma in units of that; it may be near 0."""
+    of_acceleration = abs(one.acceleration_arcsec_s2 - other.acceleration_arcsec_s2)
+    if of_acceleration > ROUNDING * one.acceleration_sigma_arcsec_s2:
+        return False
+    if abs(one.turn - other.turn) > ROUNDING * one.turn_sigma:
+        return False
+    if [name for name, _ in one.motion_probabilities] != [n for n, _ in other.motion_probabilities]:
+        return False
+    pairs = zip(one.motion_probabilities, other.motion_probabilities, strict=True)
+    if any(abs(ours - theirs) > ROUNDING for (_, ours), (_, theirs) in pairs):
+        return False
+    apart = {"motion_probabilities", "acceleration_arcsec_s2", "turn"}
+    plain = (f.name for f in fields(one) if f.name not in apart)
+    return all(is_nearly_equal(getattr(one, name), getattr(other, name)) for name in plain)
 
 
 def _is_same_track(one: TrackState, other: TrackState) -> bool:
