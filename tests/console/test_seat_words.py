@@ -393,7 +393,7 @@ def test_the_coast_s_words_come_first_in_the_line_on_the_motion():
     engine = tracking(state="COAST", ra=150.0, dec=-5.0)
     for size in ((80, 3), (120, 5)):
         rows = plain(figure_lines(COASTING, engine, None, *size))
-        assert rows[1].startswith(" coasted 2 · given up by ")
+        assert rows[1].startswith(" coasted 2  given up by ")
 
 
 def test_what_is_followed_is_predicted_to_now_and_dated_where_that_is_guesswork():
