@@ -218,6 +218,11 @@ class MountConfig(Section):
     meridian: Literal["flip", "hold"] = Field(
         "flip", description="hold: no slew that would change sides while a track is followed"
     )
+    pier_side: Literal["found", "driver", "reversed", "none"] = Field(
+        "found",
+        description="how the driver's side of the pier is read: as it says, the other way round,"
+        " not at all, or as the first slew far from the meridian shows",
+    )
     flip_hysteresis_deg: float = Field(
         0.5, ge=0, le=30, description="a slew changes sides that far past the meridian"
     )

@@ -225,6 +225,12 @@ class MountPort(Protocol):
     def set_tracking(self, is_on: bool) -> None:
         """Turn sidereal tracking on or off."""
 
+    def set_sidereal_rate(self) -> None:
+        """Set the sidereal rate, where another program has left the mount another one.
+
+        Raises InstrumentError where the mount does not take it.
+        """
+
     def set_site(self, site: Site) -> None:
         """Set the site in the mount."""
 

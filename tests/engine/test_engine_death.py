@@ -154,7 +154,7 @@ def test_the_next_engine_says_what_happened_and_goes_on_in_a_new_session(engine)
     engine.process.send_signal(signal.SIGTERM)
     assert engine.process.wait(30) == 0
     engine.start()
-    assert engine.reader.about()["continues"] is None
+    assert engine.reader.read_meta()["continues"] is None
 
 
 @pytest.mark.nightly("a whole engine as a process")

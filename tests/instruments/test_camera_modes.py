@@ -192,18 +192,18 @@ def test_a_part_of_the_operators_own_is_left_alone_and_given_back(observatory, t
 
 
 def test_a_part_of_the_sensor_is_that_part_and_says_where_it_lies(observatory, tmp_path):
-    with connected(observatory, tmp_path) as instruments:
-        wire = IndiWire(observatory.host, observatory.port)
-        part = {"X": 100, "Y": 60, "WIDTH": 320, "HEIGHT": 240}
-        set_frame(wire, observatory, part)
-        frame = take(instruments, 1)
-        # The last rows lie behind the sensor: such a part is refused, and the mode stays.
-        set_frame(wire, observatory, part | {"Y": 400})
-        same = take(instruments, 2)
-        whole = {"X": 0, "Y": 0, "WIDTH": WIDTH_PX, "HEIGHT": HEIGHT_PX}
-        set_frame(wire, observatory, whole)
-        wire.close()
-        assert take(instruments, 3).width_px == WIDTH_PX
-    assert (frame.width_px, frame.height_px) == (320, 240)
+    part = {"X": 100, "Y": 60, "WIDTH": 304, "HEIGHT": 208}
+    ask_for(observatory, *part.values())
+    try:
+        with connected(observatory, tmp_path, (304, 208)) as instruments:
+            frame = take(instruments, 1)
+            # The last rows lie behind the sensor: such a part is refused, and the mode stays.
+            wire = IndiWire(observatory.host, observatory.port)
+            set_frame(wire, observatory, part | {"Y": 400})
+            wire.close()
+            same = take(instruments, 2)
+    finally:
+        ask_for(observatory, 0, 0, WIDTH_PX, HEIGHT_PX)
+    assert (frame.width_px, frame.height_px) == (304, 208)
     assert (frame.camera.x0_px, frame.camera.y0_px) == (100, 60)
-    assert (same.width_px, same.height_px) == (320, 240)
+    assert (same.width_px, same.height_px) == (304, 208)

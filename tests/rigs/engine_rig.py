@@ -141,6 +141,9 @@ class PlainMount:
     def set_tracking(self, is_on: bool) -> None:
         self.is_tracking = is_on
 
+    def set_sidereal_rate(self) -> None:
+        """It has no other."""
+
     def keep(self, lease_s: float, track_until_utc_ns: int | None) -> None:
         self.lease = (lease_s, track_until_utc_ns)
 

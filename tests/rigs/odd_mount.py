@@ -13,7 +13,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import quoteattr
 
-from rsoconsole.sky import lst_deg, wrap_180, wrap_360
+from rsoconsole.sky import icrs_to_jnow, jnow_to_icrs, lst_deg, wrap_180, wrap_360
 
 DEVICE = "Odd Mount"
 SIDEREAL_ARCSEC_S = 15.041067
@@ -29,8 +29,12 @@ PARK, TRACKING, SIDE = "TELESCOPE_PARK", "TELESCOPE_TRACK_STATE", "TELESCOPE_PIE
 SITE, TIME, PERIOD = "GEOGRAPHIC_COORD", "TIME_UTC", "POLLING_PERIOD"
 CONNECTION, DRIVER_INFO = "CONNECTION", "DRIVER_INFO"
 _ALWAYS = (CONNECTION, DRIVER_INFO, PERIOD)
-_WHEN_CONNECTED = (COORDINATES, ON_SET, PARK, TRACKING, ABORT, SIDE, SITE, TIME)
+MODE, MODES = "TELESCOPE_TRACK_MODE", ("SIDEREAL", "LUNAR", "CUSTOM")
+J2000 = "EQUATORIAL_COORD"
+_WHEN_CONNECTED = (COORDINATES, ON_SET, PARK, TRACKING, MODE, ABORT, SIDE, SITE, TIME)
 _READ_ONLY = (DRIVER_INFO, SIDE)
+LUNAR_ARCSEC_S = 0.549
+"""By which the Moon's mean rate falls behind the stars'."""
 _LEFT_OUT_BY = {"nopark": PARK, "notrackstate": TRACKING, "noabort": ABORT, "noside": SIDE}
 _LEFT_OUT_BY |= {"nogeo": SITE, "notime": TIME, "nopollingperiod": PERIOD}
 
@@ -56,6 +60,10 @@ class Oddities:
     parkok_instant: bool = False  # Says at once that it is parked, its coordinates Busy until it is
     parkfails: bool = False
     wrongsite: bool = False
+    j2000: bool = False  # Its coordinates are of the epoch J2000, as EQUATORIAL_COORD
+    reversedside: bool = False  # Names the sides of the pier the other way round
+    timeoff: float = 0.0  # Seconds that its clock is fast
+    stale_time: bool = False  # Says again and again what its clock said when it was connected
     badutf8: bool = False  # A message at ABORT that is no UTF-8
     getproperties_fresh: bool = False  # Else getProperties is answered with what was last sent
     slowreport: float = 0.0  # Seconds between its looks, instead of ``period_s``
@@ -73,6 +81,8 @@ class Oddities:
     acceleration_deg_s2: float = 2.0
     start_delay_s: float = 0.0  # Between an order, which is answered at once, and the motion
     drift_arcsec_s: tuple[float, float] = (0.0, 0.0)  # Of RA and Dec while it tracks
+    mode: str = ""  # In which it tracks at first: SIDEREAL, LUNAR or CUSTOM; none: it has no modes
+    custom_arcsec_s: tuple[float, float] = (10.0, 0.0)  # Drift in the mode CUSTOM
     ha_deg: float = 0.0
     dec_deg: float = 60.0
 
@@ -86,6 +96,8 @@ class Oddities:
             match defaults[name]:
                 case bool():
                     values[name] = True
+                case str():
+                    values[name] = value
                 case tuple():
                     values[name] = tuple(float(each) for each in value.split(","))
                 case default:
@@ -129,6 +141,7 @@ class Axes:
         self._dec = _Path(t_s=t_s, deg=dec_deg, deg_s=0.0, frame_deg_s=0.0)
         self.tracks = False
         """When it does not slew, or no longer."""
+        self.drift_arcsec_s = oddities.drift_arcsec_s
         self.arrives_s = math.inf
 
     @property
@@ -148,7 +161,7 @@ class Axes:
 
     def rest(self, t_s: float, *, tracks: bool) -> None:
         """Slow down until it tracks or stands."""
-        ra_drift, dec_drift = self._oddities.drift_arcsec_s
+        ra_drift, dec_drift = self.drift_arcsec_s
         frame = (SIDEREAL_ARCSEC_S - ra_drift, dec_drift) if tracks else (0.0, 0.0)
         self._ha = self._path(self._ha, t_s, frame[0] / 3600.0)
         self._dec = self._path(self._dec, t_s, frame[1] / 3600.0)
@@ -232,6 +245,9 @@ class OddMount:
         self._look_s = self._now_s + self.period_s
         self._aborts_ignored = math.inf if o.abortignored else o.aborts_ignored
         self._left_out = {gone for name, gone in _LEFT_OUT_BY.items() if getattr(o, name)}
+        self._left_out |= set() if o.mode else {MODE}
+        self._set_mode(o.mode)
+        self._connected_utc_ns = self._now_utc_ns
         self.deaf = False
         """Its driver neither answers nor obeys nor looks; may be set at any time."""
         self.is_driver_there = True
@@ -287,7 +303,7 @@ class OddMount:
     def is_moving_by_itself(self) -> bool:
         """It neither stands nor tracks (at the rates that its tracking has)."""
         ra, dec = self.ra_rate_arcsec_s, self.dec_rate_arcsec_s
-        rests = ((SIDEREAL_ARCSEC_S, 0.0), self.oddities.drift_arcsec_s)
+        rests = ((SIDEREAL_ARCSEC_S, 0.0), self.axes.drift_arcsec_s)
         return min(max(abs(ra - r), abs(dec - d)) for r, d in rests) > AT_REST_ARCSEC_S
 
     @property
@@ -333,8 +349,8 @@ class OddMount:
             if self.oddities.getproperties_fresh and self._claims.is_connected:
                 self._read_place()
             self._define(name)
-        elif element.tag.startswith("new") and name in self._offered():
-            self._obey(name, values)
+        elif element.tag.startswith("new") and name in map(self._name, self._offered()):
+            self._obey(COORDINATES if name == self._name(COORDINATES) else name, values)
 
     def go_to(self, ra_deg: float, dec_deg: float) -> None:
         """As any client orders it."""
@@ -425,7 +441,16 @@ class OddMount:
             case "CONNECTION":
                 self._connect("CONNECT" in on)
             case "EQUATORIAL_EOD_COORD":
-                self.go_to(float(values["RA"]) * 15.0, float(values["DEC"]))
+                ra_deg, dec_deg = float(values["RA"]) * 15.0, float(values["DEC"])
+                if self.oddities.j2000:
+                    of_date = icrs_to_jnow(ra_deg, dec_deg, self._now_utc_ns)
+                    ra_deg, dec_deg = (float(each) for each in of_date)
+                self.go_to(ra_deg, dec_deg)
+            case "TELESCOPE_TRACK_MODE":
+                self._set_mode(next(iter(on)).removeprefix("TRACK_"))
+                if self.axes.tracks and not self.axes.is_slewing:
+                    self.axes.rest(self._now_s, tracks=True)
+                self._set(MODE)
             case "TELESCOPE_ABORT_MOTION":
                 self._set(ABORT, self._abort())
             case "TELESCOPE_PARK":
@@ -448,14 +473,15 @@ class OddMount:
     def _connect(self, is_on: bool) -> None:
         was_on, self._claims.is_connected = self._claims.is_connected, is_on
         if is_on:
+            self._connected_utc_ns = self._now_utc_ns
             self._look_s = self._now_s + self.period_s
             self._read_place()
         self._set(CONNECTION)
         for name in _WHEN_CONNECTED if was_on != is_on else ():
             if is_on:
-                self._define(name)
+                self._define(self._name(name))
             elif name not in self._left_out:
-                self._emit(f'<delProperty device="{DEVICE}" name="{name}"/>')
+                self._emit(f'<delProperty device="{DEVICE}" name="{self._name(name)}"/>')
 
     def _abort(self) -> str:
         """The state with which ABORT is answered."""
@@ -523,7 +549,17 @@ class OddMount:
         self._set(TRACKING)
         self._set(COORDINATES)
 
+    def _set_mode(self, mode: str) -> None:
+        """Drift as the mode has it."""
+        self._mode = mode
+        rates = {"CUSTOM": self.oddities.custom_arcsec_s, "LUNAR": (LUNAR_ARCSEC_S, 0.0)}
+        self.axes.drift_arcsec_s = rates.get(mode, self.oddities.drift_arcsec_s)
+
     # How it says it.
+
+    def _name(self, name: str) -> str:
+        """Name of a property in its driver."""
+        return J2000 if name == COORDINATES and self.oddities.j2000 else name
 
     def _offered(self) -> list[str]:
         names = (*_ALWAYS, *(_WHEN_CONNECTED if self._claims.is_connected else ()))
@@ -531,11 +567,17 @@ class OddMount:
 
     def _vector(self, name: str) -> tuple[str, str, Mapping[str, Any]]:
         """Kind, state and members of a property."""
-        c, is_east = self._claims, self._claims.is_east
-        is_park_on, place = c.is_parked or c.is_parking, {"RA": c.ra_deg / 15.0, "DEC": c.dec_deg}
+        c, is_east = self._claims, self._claims.is_east is not self.oddities.reversedside
+        ra_deg, dec_deg = c.ra_deg, c.dec_deg
+        if self.oddities.j2000 and math.isfinite(ra_deg):
+            ra_deg, dec_deg = (
+                float(each) for each in jnow_to_icrs(ra_deg, dec_deg, self._now_utc_ns)
+            )
+        is_park_on, place = c.is_parked or c.is_parking, {"RA": ra_deg / 15.0, "DEC": dec_deg}
+        modes = {f"TRACK_{each}": each == self._mode for each in MODES}
         info = {"DRIVER_NAME": DEVICE, "DRIVER_EXEC": "odd_mount_driver"}
         info |= {"DRIVER_VERSION": "1", "DRIVER_INTERFACE": "1"}
-        clock = {"UTC": self._stamp(), "OFFSET": "0"}
+        clock = {"UTC": self._clock(), "OFFSET": "0"}
         return {
             CONNECTION: _pair("CONNECT", "DISCONNECT", c.is_connected, "Ok", "Idle"),
             DRIVER_INFO: ("Text", "Idle", info),
@@ -544,6 +586,7 @@ class OddMount:
             ON_SET: _pair("TRACK", "SLEW", c.tracks_after_slew),
             PARK: _pair("PARK", "UNPARK", is_park_on, "Busy" if c.is_parking else "Ok"),
             TRACKING: _pair("TRACK_ON", "TRACK_OFF", c.tracks, "Busy", "Idle"),
+            MODE: ("Switch", "Ok", modes),
             ABORT: ("Switch", "Idle", {"ABORT": False}),
             SIDE: _pair("PIER_EAST", "PIER_WEST", is_east),
             SITE: ("Number", "Ok", c.site),
@@ -552,7 +595,7 @@ class OddMount:
 
     def _define(self, name: str = "") -> None:
         for each in self._offered():
-            if name in ("", each):
+            if name in ("", self._name(each)):
                 if each == COORDINATES:
                     self._claims.sent_state = self._shown_state()
                 self._emit(self._element("def", each))
@@ -577,13 +620,20 @@ class OddMount:
             f'<{one} name="{key}" label="{key}"{each}>{_text(value)}</{one}>'
             for key, value in values.items()
         )
-        head = f'name="{name}" state="{other_state or state}"{head}'
+        head = f'name="{self._name(name)}" state="{other_state or state}"{head}'
         head += f' timeout="60" timestamp="{self._stamp()}"'
         return f'<{verb}{kind}Vector device="{DEVICE}" {head}>{inner}</{verb}{kind}Vector>'
 
     def _say(self, words: str) -> None:
         stamp = self._stamp()
         self._emit(f'<message device="{DEVICE}" timestamp="{stamp}" message={quoteattr(words)}/>')
+
+    def _clock(self) -> str:
+        """What its clock says, or said when it was connected."""
+        o = self.oddities
+        at_ns = self._connected_utc_ns if o.stale_time else self._now_utc_ns
+        at = datetime.fromtimestamp(at_ns / 1e9 + o.timeoff, UTC)
+        return f"{at:%Y-%m-%dT%H:%M:%S}"
 
     def _stamp(self) -> str:
         at = datetime.fromtimestamp(self._now_utc_ns // 1_000_000_000, UTC)

@@ -62,7 +62,7 @@ class _Client(IndiClient):
 
     def __init__(self, night: "OddNight", on_vector: Callable[[Vector], None]) -> None:
         super().__init__(DEVICE, on_vector)
-        self._night = night
+        self._night, self._time_ns = night, night.utc_ns
 
     def wait(
         self, name: str, is_wanted: Callable[[Vector], bool], timeout_s: float, after: int = -1

@@ -7,13 +7,13 @@ from rsoconsole.control import NextAim
 from rsoconsole.engine.aim._search import Direction, SearchSequence
 from rsoconsole.engine.aim.guide import Guide
 from rsoconsole.engine.aim.instrument_controller import (
-    CLOCKS_APART_NS,
     FLIP_WAY_DEG,
     NS,
     SLEW_OVERHEAD_S,
     AimPlan,
     IsRefused,
 )
+from rsoconsole.engine.aim.star_drift import StarDrift
 from rsoconsole.instruments import MountReport, PierSide
 from rsoconsole.pipeline import (
     flip_refusal,
@@ -47,6 +47,7 @@ class Planner:
         self._centre: Direction | None = None
         self._pier_side: PierSide | None = None
         self._pointing = PointingModel()
+        self.drift = StarDrift()
         self._planned: tuple[SlewCommand | None, int] = (None, 0)
         self.last_report: MountReport | None = None
         """The mount's last report while it was at rest; None while it moves, or none came."""
@@ -100,6 +101,7 @@ class Planner:
         return pointing_command(back, *here)
 
     def _stands_at(self, report: MountReport) -> None:
+        self.drift.note_move()
         # On its way nobody knows where it will be.
         self.last_report = None if report.is_slewing else report
         self._pier_side = report.pier_side
@@ -376,6 +378,7 @@ class Planner:
 
     def command(self, slew: SlewCommand) -> Direction:
         """Return the direction to command, ICRS degrees, so that a slew reaches its target."""
+        self.drift.note_move()
         to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
@@ -400,20 +403,12 @@ class Planner:
         self._centre = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         return has_flipped
 
-    def note_frame(self, frame: Frame, opened_utc_ns: int) -> str | None:
-        """Note a frame; return what is wrong with its time, in words, None when nothing is."""
+    def note_frame(self, frame: Frame, opened_utc_ns: int) -> None:
+        """Note a frame, whose shutter opened at that instant by this machine's clock."""
         self._frame_id = frame.frame_id
         self._last_start_utc_ns = opened_utc_ns
         self._last_mid_utc_ns = self._t_mid_ns(opened_utc_ns)
-        if frame.t_start_utc_ns is None:
-            return None
-        apart_ns = frame.t_start_utc_ns - opened_utc_ns
-        if abs(apart_ns) > CLOCKS_APART_NS:
-            return (
-                f"the camera's clock is {apart_ns / NS:+.0f} s off this machine's: synchronise"
-                " both, every measurement is wrong by as much"
-            )
-        return None
+        self.drift.note_frame(frame.frame_id, self._last_mid_utc_ns)
 
     def note_solution(self, solution: Solution) -> None:
         """Learn the telescope's true direction and its pointing offset from a plate solution."""

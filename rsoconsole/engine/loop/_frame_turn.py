@@ -150,12 +150,19 @@ class FrameTurn:
             stars = reduction.chart_stars
             place_px = self._places.of(frame, reduction, self._control.following)
             if isinstance(reduction.solution, Solution):
-                self._parts.planner.note_solution(reduction.solution)
+                self._note_solution(reduction.solution)
             self._parts.session_log.append_all(records)
             self._forgive()
             self._count_frame()
         finally:
             self._exposures.keep(frame, self._control.following.state, place_px, stars)
+
+    def _note_solution(self, solution: Solution) -> None:
+        self._parts.planner.note_solution(solution)
+        drift = self._parts.planner.drift.drift_words(solution)
+        # A telescope that waits for a satellite is not sent with the stars.
+        if drift is not None and not self._leaping.is_on:
+            self._parts.session_log.say("warning", drift)
 
     def _count_frame(self) -> None:
         """Count a finished frame; temporary settings, and a hold until the sky clears, may end."""
@@ -190,7 +197,7 @@ class FrameTurn:
         self._parts.session_log.append_all(result.records)
         self._control.handle(Followed(after=result.after))
         if isinstance(result.reduction.solution, Solution):
-            self._parts.planner.note_solution(result.reduction.solution)
+            self._note_solution(result.reduction.solution)
         self._parts.planner.update_search(
             before, result.after, self._parts.instrument_controller.now_utc_ns()
         )

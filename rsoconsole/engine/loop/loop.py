@@ -258,6 +258,7 @@ class Engine:
         if self.instrument_controller.mount_report().is_slewing:
             # Or the search would begin somewhere on the way of a move by hand.
             self.instrument_controller.wait_for_rest()
+        self.instrument_controller.instruments.mount.set_sidereal_rate()
         # Lifted before it is armed: the watch may look in between.
         before = self.watch.lifted
         self.watch.take_over(self.authority.is_responsible, lifted)

@@ -9,6 +9,7 @@ from typing import NoReturn
 
 from rsoconsole.config import Config
 from rsoconsole.engine.aim.instrument_controller import (
+    CLOCKS_APART_NS,
     NS,
     AimPlan,
     InstrumentController,
@@ -145,8 +146,8 @@ class Exposures:
         self._session_log.append(frame_taken_record(frame, plan.blocked))
         for text in self._instrument_controller.instruments.camera.take_messages():
             self._session_log.say("info", f"camera: {text}")
-        clocks_apart = self._planner.note_frame(frame, opened_ns)
-        if clocks_apart is not None:
+        self._planner.note_frame(frame, opened_ns)
+        if clocks_apart := _clocks_apart_words(frame, opened_ns):
             self._session_log.say("warning", clocks_apart)
         return frame, read_ms
 
@@ -203,3 +204,14 @@ class Exposures:
         """End motion and tracking at a limit, then raise Interrupted; ``words``: the limit."""
         self._watch.end_at_limit(words)
         raise Interrupted
+
+
+def _clocks_apart_words(frame: Frame, opened_utc_ns: int) -> str:
+    """Return what is wrong with a frame's time, in words; empty where nothing is."""
+    apart_ns = (frame.t_start_utc_ns or opened_utc_ns) - opened_utc_ns
+    if abs(apart_ns) <= CLOCKS_APART_NS:
+        return ""
+    return (
+        f"the camera's clock is {apart_ns / NS:+.0f} s off this machine's: synchronise both, every"
+        " measurement is wrong by as much"
+    )

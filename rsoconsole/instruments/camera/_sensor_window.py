@@ -42,7 +42,7 @@ class SensorWindow:
         window. Returns ``own``, the fraction set and the window set. Raises InstrumentError where
         the camera cannot.
         """
-        now = _window_of(self._client.get(_FRAME))
+        now = window_of(self._client.get(_FRAME))
         if now is None:
             raise InstrumentError(
                 "the camera's driver cannot read a part of the sensor: set leap.subframe to 1"
@@ -61,7 +61,7 @@ class SensorWindow:
         ``size_px``: configured width and height. Nothing is done where these are a part of the
         sensor.
         """
-        now = _window_of(self._client.get(_FRAME))
+        now = window_of(self._client.get(_FRAME))
         whole = whole_sensor(self._client.get(_INFO), size_px)
         if now is None or whole is None or not _is_about_its_middle(now, whole):
             return
@@ -71,12 +71,12 @@ class SensorWindow:
 
     def remember(self) -> None:
         """Note the present window before binning, because some drivers then round it."""
-        self._remembered = _window_of(self._client.get(_FRAME))
+        self._remembered = window_of(self._client.get(_FRAME))
 
     def restore(self) -> None:
         """Set the noted window again, where the driver has changed it."""
         before, self._remembered = self._remembered, None
-        if before is not None and before != _window_of(self._client.get(_FRAME)):
+        if before is not None and before != window_of(self._client.get(_FRAME)):
             with contextlib.suppress(InstrumentError):
                 self._set_window(before)
 
@@ -103,7 +103,7 @@ class SensorWindow:
         )
 
         def has_taken(vector: Vector) -> bool:
-            now = _window_of(vector)
+            now = window_of(vector)
             return now is not None and _off_px(now, wanted) <= _ROUNDED_PX
 
         answer = self._client.wait(
@@ -117,7 +117,7 @@ class SensorWindow:
                 f"the camera did not take {wanted[2]} x {wanted[3]} pixels of its sensor"
                 f" ({self._client.failure_reason_since(before)}): set leap.subframe to 1"
             )
-        return _window_of(answer) or wanted
+        return window_of(answer) or wanted
 
 
 def central_window(window: Window, share: float, grid_px: int) -> Window:
@@ -154,10 +154,11 @@ def whole_sensor(info: Vector | None, size_px: Sequence[int]) -> Window | None:
     return [0, 0, *sensor] if is_all else None
 
 
-def _window_of(vector: Vector | None) -> Window | None:
+def window_of(vector: Vector | None) -> Window | None:
     if vector is None or not all(side in vector.values for side in _SIDES):
         return None
-    return [int(float(vector.values[side])) for side in _SIDES]
+    window = [int(float(vector.values[side])) for side in _SIDES]
+    return window if min(window[2:]) > 0 else None  # a driver that connects has none yet
 
 
 def _joined(vector: Vector | None) -> int:

@@ -17,6 +17,8 @@ ARRIVED_KEY = "ARRIVED_MONOTONIC_S"
 """Header key, not in FITS, of the instant a frame's last byte came, by ``time.monotonic()``."""
 _MAX_MESSAGES = 100
 _BYTES_PER_PIXEL = 4
+_ROUNDED_PX, _ROUNDED_SHARE = 32.0, 0.02
+"""By how much a frame's sides may differ from those ordered: drivers round them."""
 
 
 class IndiCamera:
@@ -35,6 +37,8 @@ class IndiCamera:
         # Room for float32, though cameras give uint16: untouched pages cost nothing.
         self._size_px = optics.width_px, optics.height_px
         self._ring = FrameRing.create(optics.width_px * optics.height_px * _BYTES_PER_PIXEL)
+        self._has_started = False
+        self._said_size_px = (0, 0)
         self._awaited: int | None = None
         self._outcome: dict[str, Any] | None = None
         self._driver_binning: int | None = None
@@ -54,6 +58,7 @@ class IndiCamera:
             settings={
                 **device_settings("camera", config.camera, config, waits),
                 "size_px": self._size_px,
+                "pixel_um": optics.pixel_um,
                 "ring": self._ring.descriptor,
                 "slot_bytes": self._ring.slot_bytes,
             },
@@ -61,11 +66,20 @@ class IndiCamera:
             on_event=self._on_event,
             descriptors=(self._ring.descriptor,),
             start_s=waits.longest_connection_s,
+            on_start=self._start_settings,
         )
 
     def start(self) -> None:
         """Start the camera's process and connect. Raises InstrumentError."""
         self.process.start()
+
+    def _start_settings(self) -> dict[str, Any]:
+        is_first, self._has_started = not self._has_started, True
+        return {
+            "binning": self._binning,
+            "is_part": self._share < 1.0,
+            "is_first": is_first,
+        }
 
     def start_exposure(self, exposure_s: float, frame_id: int) -> None:
         """Open the shutter; returns once the camera has accepted the order.
@@ -141,6 +155,7 @@ class IndiCamera:
         assert outcome is not None
         if outcome["event"] == "failed":
             raise InstrumentError(f"the camera gave no usable frame: {outcome['reason']}")
+        self._compare_size(*outcome["shape"])
         pixels = self._ring.lend_slot(outcome["slot"], outcome["dtype"], tuple(outcome["shape"]))
         facts = {each.name: outcome[each.name] for each in fields(Frame) if each.name in outcome}
         # JSON knows no tuples.
@@ -152,6 +167,19 @@ class IndiCamera:
         facts["header"][ARRIVED_KEY] = outcome["arrived_monotonic_s"]
         facts["camera"] = camera_mode(facts["header"])
         return Frame(pixels=pixels, **facts)
+
+    def _compare_size(self, height_px: int, width_px: int) -> None:
+        """Say, once for each size, where a frame is not as large as configured and ordered."""
+        wanted = [side * self._share / self._binning for side in self._size_px]
+        off_px = max(abs(width_px - wanted[0]), abs(height_px - wanted[1]))
+        is_other = off_px > max(_ROUNDED_PX, _ROUNDED_SHARE * max(wanted))
+        if is_other and self._said_size_px != (width_px, height_px):
+            self._said_size_px = width_px, height_px
+            self._messages.append(
+                f"a frame has {width_px} x {height_px} pixels, not {wanted[0]:.0f} x"
+                f" {wanted[1]:.0f}: correct optics.width_px and optics.height_px, or the camera's"
+                " binning and subframe"
+            )
 
     def _add_subframe_origin(self, header: dict[str, Any], shape: tuple[int, ...]) -> None:
         """Add the corner of a subframe to its header, in joined pixels: libindi does not give it.

@@ -20,11 +20,20 @@ from typing import Any
 from rsoconsole.base import InstrumentError, indi_port_option
 from rsoconsole.instruments.indi.indi_child import ReplyWriter
 from rsoconsole.instruments.indi.indi_process import DEVICE_LOST, SERVER_LOST, WAITING
+from rsoconsole.instruments.indi.indi_wire import OF_DATE, OF_J2000
 
 _LOOK_S = 0.5
 _SAID = 100
 _LATE_WORD_S = 0.2
 _STAMP = re.compile(r"^\d{4}-\d\d-\d\dT[\d:.]+Z?: ")
+_OF_EVERY_DRIVER = frozenset(
+    (
+        *("CONNECTION", "DRIVER_INFO", "DEBUG", "CONFIG_PROCESS", "POLLING_PERIOD", "SIMULATION"),
+        *("CONNECTION_MODE", "DEVICE_PORT", "DEVICE_BAUD_RATE", "DEVICE_AUTO_SEARCH"),
+        *("DEVICE_PORT_SCAN", "SYSTEM_PORTS", "DEVICE_ADDRESS", "ACTIVE_DEVICES"),
+    )
+)
+_MAX_NAMED = 12
 _GRAVEST = ("[ERROR]", "[WARNING]")
 
 
@@ -69,6 +78,9 @@ class IndiClient(ABC):
         self._ready = False
         self._is_open = False
         self._said: deque[tuple[int, str]] = deque(maxlen=_SAID)
+        self._time_ns = time.time_ns
+        self._has_date = self._has_j2000 = False
+        """Whether a mount's coordinates are of date, or of the epoch J2000 alone."""
         self.has_connected_device = False
         """True where this client switched the device's connection on: all its values are new."""
 
@@ -102,6 +114,11 @@ class IndiClient(ABC):
 
     def _store(self, vector: Vector) -> None:
         """Store a property that was defined or changed."""
+        if vector.name in {OF_DATE, OF_J2000}:
+            named = self._named_of_date(vector)
+            if named is None:
+                return
+            vector = named
         with self._changed:
             self._vectors[vector.name] = replace(vector, blobs={})
         # The parent hears of a change before the order that brought it about is answered.
@@ -115,6 +132,18 @@ class IndiClient(ABC):
         with self._changed:
             self._reported = vector.serial
             self._changed.notify_all()
+
+    def _named_of_date(self, vector: Vector) -> Vector | None:
+        """Return a mount's coordinates as those of date; None: it has those itself as well."""
+        if vector.name == OF_DATE:
+            self._has_date, self._has_j2000 = True, False
+            return vector
+        if self._has_date:
+            return None
+        from rsoconsole.instruments.indi.j2000 import to_date
+
+        self._has_j2000 = True
+        return replace(vector, name=OF_DATE, values=to_date(vector.values, self._time_ns()))
 
     def _forget(self, name: str) -> None:
         """Remove a property."""
@@ -178,14 +207,29 @@ class IndiClient(ABC):
             writer.send({"event": WAITING, "what": f"{self.device} to offer {name}"})
             left_s = max(0.1, deadline_s - time.monotonic())
             if self.wait(name, lambda _: True, left_s) is None:
+                said = self.driver_message_since(0)
                 raise InstrumentError(
-                    f"{self.device} is there but has not offered {name} in {device_s:.0f} s: "
-                    f"is it connected and powered? {self.driver_message_since(0)}".rstrip()
+                    f"{self.device} is there but has not offered {name} in {device_s:.0f} s"
+                    f"{f' ({said})' if said else ''}: {self._offered_words(order)}"
                 )
         self._is_open = True
         connection = self.get("CONNECTION")  # it may have gone off just before
         if connection is not None and connection.values.get("CONNECT") is False:
             self._device_gone()
+
+    def _offered_words(self, order: Mapping[str, Any]) -> str:
+        """Return what to do about a device that lacks a property, by what it offers instead."""
+        with self._changed:
+            offered = sorted(set(self._vectors) - _OF_EVERY_DRIVER)
+            is_connected = bool(self._vectors["CONNECTION"].values.get("CONNECT"))
+        if not offered or not is_connected:
+            return "is it connected and powered? A slow device needs a larger waits.device_s"
+        more = f" and {len(offered) - _MAX_NAMED} more" if len(offered) > _MAX_NAMED else ""
+        kind = str(order["setting"]).partition(".")[2]
+        return (
+            f"it offers {', '.join(offered[:_MAX_NAMED])}{more}. Is it the {kind} that"
+            f" {order['setting']} should name? A slow device needs a larger waits.device_s"
+        )
 
     def _await_device(self, order: Mapping[str, Any], writer: ReplyWriter) -> None:
         """Wait until the server announces the device. Raises InstrumentError."""
@@ -264,6 +308,10 @@ class IndiClient(ABC):
 
     def send_numbers(self, name: str, values: Mapping[str, float]) -> int:
         """Order new numbers; return the number of the last update before the order."""
+        if name == OF_DATE and self._has_j2000:
+            from rsoconsole.instruments.indi.j2000 import from_date
+
+            name, values = OF_J2000, from_date(values, self._time_ns())
         with self._sending:
             before = self.last_update_number()
             self._send_numbers(name, values)

@@ -15,6 +15,8 @@ from xml.sax.saxutils import escape, quoteattr
 from rsoconsole.base import InstrumentError, indi_port_option
 from rsoconsole.instruments.indi._stream_mender import StreamMender
 
+OF_DATE, OF_J2000 = "EQUATORIAL_EOD_COORD", "EQUATORIAL_COORD"
+"""A mount's coordinates, of date or of the epoch J2000."""
 _MEMBER = {"Number": "oneNumber", "Switch": "oneSwitch", "Text": "oneText"}
 _READ_BYTES = 65536
 
@@ -54,6 +56,12 @@ class IndiWire:
         self._root: ET.Element | None = None
         self._depth = 0
         self._waiting: list[IndiVector] = []
+        self._asked: set[str] = set()
+        """Mounts whose coordinates were asked for."""
+        self._of_date: set[str] = set()
+        """Mounts that have coordinates of date."""
+        self._of_j2000: set[str] = set()
+        """Mounts that have coordinates of J2000 alone."""
         self.last_message = ""
         self.deleted: list[tuple[str, str]] = []
         """Devices and properties that were removed, for a reader to empty; name "": all."""
@@ -63,7 +71,17 @@ class IndiWire:
         self._socket.close()
 
     def ask(self, device: str, name: str | None = None) -> None:
-        """Request the definition of a device's property ``name``; None: of all its properties."""
+        """Request the definition of a device's property ``name``; None: of all its properties.
+
+        A mount that has coordinates of J2000 alone answers with those, named as those of date: only
+        how they change is of use here.
+        """
+        if name == OF_DATE and device not in self._of_date:
+            # In this order: a driver that has both answers with those of date first.
+            self._asked.add(device)
+            text = f'<getProperties version="1.7" device={quoteattr(device)}'
+            self._send("".join(f'{text} name="{each}"/>' for each in (OF_DATE, OF_J2000)))
+            return
         which = f" name={quoteattr(name)}" if name else ""
         self._send(f'<getProperties version="1.7" device={quoteattr(device)}{which}/>')
 
@@ -141,10 +159,18 @@ class IndiWire:
         if verb not in ("def", "set") or not element.tag.endswith("Vector") or kind == "BLOB":
             return
         values = {member.get("name", ""): (member.text or "").strip() for member in element}
+        device, name = element.get("device", ""), element.get("name", "")
+        if name == OF_DATE:
+            self._of_date.add(device)
+        elif name == OF_J2000 and device not in self._of_date:
+            # Those of date were asked for first: by now a driver that has them has said so.
+            if verb == "def" and device in self._asked:
+                self._of_j2000.add(device)
+            name = OF_DATE if device in self._of_j2000 else name
         self._waiting.append(
             IndiVector(
-                device=element.get("device", ""),
-                name=element.get("name", ""),
+                device=device,
+                name=name,
                 kind=kind,
                 is_definition=verb == "def",
                 state=element.get("state", ""),

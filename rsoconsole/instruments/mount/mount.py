@@ -17,6 +17,7 @@ from rsoconsole.instruments.indi.indi_process import IndiProcess, device_setting
 from rsoconsole.instruments.indi.wire_stop import StopCallbacks, stop_mount
 from rsoconsole.instruments.motion import REPEATS_FOR_S, Motion
 from rsoconsole.instruments.mount._mount_stop import MountStop
+from rsoconsole.instruments.mount.pier_side import PierConvention
 from rsoconsole.instruments.ports import (
     MountAbilities,
     MountReport,
@@ -52,14 +53,18 @@ class IndiMount:
         log_path: Path,
         mount: MountConfig | None = None,
         waits: WaitsConfig | None = None,
+        *,
+        site: Site | None = None,
     ) -> None:
         """Describe the mount; ``start`` connects.
 
-        ``mount``, ``waits`` None: the defaults.
+        ``mount``, ``waits`` None: the defaults. ``site`` None: the driver's convention for the side
+        of the pier cannot be found.
         """
         waits = waits or WaitsConfig()
         self._order_s = waits.longest_order_s
         self._config, self._mount = config, mount or MountConfig()
+        self._pier = PierConvention(self._mount.pier_side, site, self._say)
         self._latest: MountReport | None = None
         self._tracks_after_stop: bool | None = None
         self._messages: deque[str] = deque(maxlen=_MAX_MESSAGES)
@@ -94,6 +99,7 @@ class IndiMount:
         """
         self._slew_end = None
         self._new_order()
+        self._pier.begin_slew(ra_icrs_deg, dec_icrs_deg)
         self.process.request(
             "slew",
             self._order_s,
@@ -135,6 +141,7 @@ class IndiMount:
         later. The setting ``mount.after_stop`` decides whether tracking is then on: "track"
         restores it only where the mount tracked, or was slewing to track.
         """
+        self._pier.forget_slew()
         deadline_s = time.monotonic() + timeout_s
         had_tracking = self._tracks_after_stop
         stop = MountStop(on_news)
@@ -217,6 +224,7 @@ class IndiMount:
     def park(self) -> None:
         """Order the mount to its park position."""
         self._new_order()
+        self._pier.forget_slew()
         self.process.request("park", self._order_s)
 
     def unpark(self) -> None:
@@ -227,6 +235,10 @@ class IndiMount:
     def set_tracking(self, is_on: bool) -> None:
         """Turn sidereal tracking on or off."""
         self.process.request("set_tracking", self._order_s, is_on=is_on)
+
+    def set_sidereal_rate(self) -> None:
+        """Set the sidereal rate, where the mount has another one to track at."""
+        self.process.request("set_sidereal_rate", self._order_s)
 
     def abilities(self) -> MountAbilities:
         """Return what the mount's driver can do."""
@@ -323,6 +335,7 @@ class IndiMount:
         log.warning("%s", text)
 
     def _take_report(self, report: MountReport) -> MountReport:
+        report = dataclasses.replace(report, pier_side=self._pier.side(report))
         self._latest = report
         if report.motion.is_at_rest and not report.is_slewing:
             self._has_order = False

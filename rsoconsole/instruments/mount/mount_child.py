@@ -5,6 +5,7 @@ does not (``_mount_watch``). When the parent is gone it ends motion, restores si
 stays until the limit that the parent last named, or until another process takes over.
 """
 
+import contextlib
 import dataclasses
 import os
 import time
@@ -26,8 +27,15 @@ from rsoconsole.instruments.motion import AfterStop
 from rsoconsole.instruments.mount._mount_halt import StopExecutor
 from rsoconsole.instruments.mount._mount_owner import MountOwner
 from rsoconsole.instruments.mount._mount_watch import MountWatch
+from rsoconsole.instruments.mount._track_mode import set_sidereal
 from rsoconsole.instruments.mount.mount_lease import Lease
-from rsoconsole.instruments.mount.mount_mirror import SIDE, TIME, CoordinatePoller, MountMirror
+from rsoconsole.instruments.mount.mount_mirror import (
+    SIDE,
+    TIME,
+    CoordinatePoller,
+    MountMirror,
+    running_clock_offset_s,
+)
 from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_deg, wrap_360
 from rsoconsole.words import NO_PARK
 
@@ -55,6 +63,7 @@ class MountChild:
         self._is_simulated = False
         self._answer_s = 0.0
         self._after_stop: AfterStop = "track"
+        self._address: tuple[str, int, str] | None = None
         self._client: IndiClient | None = None
         self._mirror: MountMirror | None = None
         self._watch: MountWatch | None = None
@@ -67,7 +76,8 @@ class MountChild:
         """Connect to the INDI server and the mount, and begin to watch."""
         client, library = open_client(order["client"], order["device"], self._on_vector)
         client.open(order, (COORDINATES, "ON_COORD_SET"), self._writer)
-        owner = MountOwner(order["host"], order["port"], order["device"])
+        self._address = order["host"], order["port"], order["device"]
+        owner = MountOwner(*self._address)
         self.attach(client, order, owner).start()
         if not self._is_simulated:
             CoordinatePoller(order["host"], order["port"], order["device"], self._motion).start()
@@ -149,6 +159,7 @@ class MountChild:
         ra_jnow_deg, dec_jnow_deg = icrs_to_jnow(
             order["ra_icrs_deg"], order["dec_icrs_deg"], order["now_utc_ns"]
         )
+        self.set_sidereal_rate()
         on_set = client.get("ON_COORD_SET")
         if on_set is None or not on_set.values.get("TRACK"):
             self._switch("ON_COORD_SET", "TRACK")
@@ -230,6 +241,12 @@ class MountChild:
             )
         return {}
 
+    def set_sidereal_rate(self, _order: dict[str, Any] | None = None) -> dict[str, Any]:
+        """Set the sidereal rate, where the mount has another one to track at."""
+        if text := set_sidereal(self._ready()[0], self._answer_s):
+            self._writer.send({"event": "message", "text": text})
+        return {}
+
     def set_site(self, order: dict[str, Any]) -> dict[str, Any]:
         """Set the site in the mount; INDI's longitude runs from 0 to 360 deg east."""
         client, _ = self._ready()
@@ -265,7 +282,12 @@ class MountChild:
             if reported is not None:
                 # The observatory's time comes behind the mount's: the one before it is older.
                 self._await_report(reported.serial)
-        return {"offset_s": mirror.utc_offset_s()}
+        offset_s = mirror.utc_offset_s()
+        if offset_s is None and client.get(TIME) is not None and self._address is not None:
+            # Another program has connected it: what it says may be of then, or of now.
+            with contextlib.suppress(InstrumentError):
+                offset_s = running_clock_offset_s(*self._address)
+        return {"offset_s": offset_s}
 
     def report(self, _order: dict[str, Any]) -> dict[str, Any]:
         """Return the mount's present state, the fields of a ``MountReport``."""
@@ -301,6 +323,8 @@ class MountChild:
         client, mirror = self._ready()
         if client.get(TRACKING) is None:
             return None
+        if is_on:
+            self.set_sidereal_rate()
         member = "TRACK_ON" if is_on else "TRACK_OFF"
         answer = self._switch(TRACKING, member)
         client.wait(
@@ -401,7 +425,7 @@ def main() -> None:
     """Execute the orders that come on stdin, until the parent ends."""
     child = MountChild(ReplyWriter())
     orders = [child.start, child.slew, child.park, child.unpark, child.set_tracking]
-    others = [child.set_site, child.site, child.utc_offset]
+    others = [child.set_site, child.site, child.utc_offset, child.set_sidereal_rate]
     try:
         is_orderly = execute_orders(
             child._writer,

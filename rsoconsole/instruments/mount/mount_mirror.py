@@ -33,6 +33,8 @@ OFFERED = (ABORT, TRACKING, PARK, SIDE, SITE, TIME)
 """Properties that some drivers lack."""
 SILENT_SLEW_S = 10.0
 """Longest silence believed of a driver that slews: drivers then report several times a second."""
+PARK_PROOF_S = 5.0
+"""Time within which a mount that is reported to be parked is measured, where it can be."""
 BUSY_AT_REST_S = 10.0
 """Time of measured rest, s, after which an ordered mount has arrived, whatever its driver says."""
 _NS = 1_000_000_000
@@ -95,14 +97,28 @@ class MountMirror:
 
     @property
     def is_parked(self) -> bool:
-        """True when the driver reports that the mount is parked, and no slew is measured."""
-        return self.is_reported_parked and not self.motion.is_fast
+        """True when the driver reports that the mount is parked, and no slew is measured.
+
+        Some drivers report it with the order, before the mount is there: what was reported just now
+        is believed once the mount is measured at rest, or ``PARK_PROOF_S`` later.
+        """
+        return self.is_reported_parked and not (self.motion.is_fast or self._is_park_unproven)
+
+    @property
+    def _is_park_unproven(self) -> bool:
+        park = self._client.get(PARK)
+        if self._is_simulated or park is None or park.is_definition or not self.is_reported_parked:
+            return False
+        is_new = self._monotonic_s() - park.arrived_monotonic_s < PARK_PROOF_S
+        return is_new and not self.motion.is_at_rest
 
     @property
     def is_parking(self) -> bool:
-        """True while the driver reports that the mount is on its way to its park position."""
+        """True while the driver reports that the mount is on its way to its park position, or that
+        it is there and nothing shows it yet.
+        """
         park = self._client.get(PARK)
-        return park is not None and park.state == "Busy"
+        return park is not None and (park.state == "Busy" or self._is_park_unproven)
 
     @property
     def is_reported_moving(self) -> bool:
@@ -257,6 +273,34 @@ def _utc_ns(text: str) -> int | None:
         return iso_to_utc_ns(text)
     except ValueError:
         return None
+
+
+_CLOCK_APART_S, _CLOCK_ANSWER_S = 4.0, 2.0
+"""Time between two questions for a clock that shows whole seconds, and for an answer, s."""
+
+
+def running_clock_offset_s(host: str, port: int, device: str) -> float | None:
+    """Return the mount's clock minus the machine's, s, by a driver that answers with the present.
+
+    It is asked twice: most drivers repeat the time that they were once given, which says nothing.
+    None for those, and without an answer. Raises InstrumentError where no server answers.
+    """
+    wire = IndiWire(host, port)
+    try:
+        offsets_s: list[float] = []
+        for number in range(2):
+            if number:
+                time.sleep(_CLOCK_APART_S)
+            wire.ask(device, TIME)
+            vector = wire.wait(lambda v: (v.device, v.name) == (device, TIME), _CLOCK_ANSWER_S)
+            mount_utc_ns = None if vector is None else _utc_ns(vector.values.get("UTC", ""))
+            if mount_utc_ns is None:
+                return None
+            offsets_s.append((mount_utc_ns - time.time_ns()) / _NS)
+    finally:
+        wire.close()
+    is_running = abs(offsets_s[1] - offsets_s[0]) < _CLOCK_APART_S / 2.0
+    return offsets_s[1] if is_running else None
 
 
 _LOOK_S = 0.1

@@ -37,8 +37,9 @@ def create_mount(context: ProtocolContext) -> MountPort:
     """
     name = context.config.instruments.mount
     if name == "indi":
-        config = context.config
-        return IndiMount(config.indi, context.log_dir / "mount.log", config.mount, config.waits)
+        config, log_file = context.config, context.log_dir / "mount.log"
+        site = config.site.to_site()
+        return IndiMount(config.indi, log_file, config.mount, config.waits, site=site)
     mount: MountPort = _factory(MOUNTS, "mount", name)(context)
     return mount
 
