@@ -31,14 +31,19 @@ SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 WAITS = WaitsConfig(device_s=15.0)
 FIRST, SECOND, FAR = (50.0, 130.0), (45.0, 250.0), (40.0, 100.0)
 """Altitude and azimuth of the slews; the last is stopped on its way."""
-ARRIVES_S, STOPS_S, PARKS_S, MEASURES_S = 90.0, 20.0, 60.0, 6.0
+ARRIVES_S, STOPS_S, PARKS_S, MEASURES_S = 90.0, 20.0, 60.0, 4.0
 ARRIVED_DEG = 0.2
-DEFINED_S = 4.0
+DEFINED_S = 3.0
 """A driver defines its properties bit by bit."""
+CELL_CHARACTERS = 90
 RESTS_ARCSEC_S = 20.0
 """Rate above which a mount that is said to rest does not: it tells 15 standing, 0 tracking."""
-CONCURRENT = 3
-FASTEST = ("indi_simulator_telescope", "indi_eqmod_telescope", "indi_lx200am5", "indi_eq500x")
+CONCURRENT = 4
+FASTEST = (
+    *("indi_simulator_telescope", "indi_celestron_gps"),
+    *("indi_eqmod_telescope", "indi_skyadventurergti_telescope"),
+)
+"""Those that are tried with every change."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +53,6 @@ class Driver:
     program: str
     device: str
     package: str = "indi-bin"
-    note: str = ""
 
 
 DRIVERS = (
@@ -65,7 +69,11 @@ DRIVERS = (
     Driver(program="indi_pmc8_telescope", device="PMC8"),
     Driver(program="indi_celestron_gps", device="Celestron GPS"),
     Driver(program="indi_temma_telescope", device="Temma Takahashi"),
-    Driver(program="indi_skyadventurergti_telescope", device="SkyAdventurer GTi"),
+    Driver(
+        program="indi_skyadventurergti_telescope",
+        device="SkyAdventurer GTi",
+        package="indi-eqmod",
+    ),
 )
 
 
@@ -78,7 +86,7 @@ class Row:
     fault: str = ""
 
 
-COLUMNS = ("connects", "goes", "STOP", "tracks", "parks", "pier side", "lacks")
+COLUMNS = ("run", "connects", "goes", "STOP", "tracks", "parks", "pier side", "lacks")
 
 
 def main() -> None:
@@ -110,7 +118,7 @@ def table(rows: list[Row]) -> str:
     for row in rows:
         cells = [row.cells.get(name, "") for name in COLUMNS]
         if row.fault:
-            cells[0] = row.fault
+            cells[1] = row.fault
         lines.append(f"| `{row.driver.program}` | {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -122,7 +130,7 @@ def try_driver(driver: Driver) -> Row:
         folder = Path(name)
         try:
             with served(driver, folder) as port:
-                simulate(driver, port)
+                row.cells["run"] = simulate(driver, port)
                 config = IndiConfig(port=port, mount=driver.device)
                 mount = IndiMount(config, folder / "mount.log", MountConfig(), WAITS, site=SITE)
                 try:
@@ -152,11 +160,15 @@ def served(driver: Driver, folder: Path) -> Iterator[int]:
         server.wait()
 
 
-def simulate(driver: Driver, port: int) -> None:
-    """Switch the driver's simulation on, and give it the site, as an operator's client does."""
+def simulate(driver: Driver, port: int) -> str:
+    """Switch the driver's simulation on, and give it the site, as an operator's client does.
+
+    Returns how it runs.
+    """
     wire = IndiWire("127.0.0.1", port)
     wire.ask(driver.device)
-    if wire.wait(lambda each: each.name == "SIMULATION", 3.0) is not None:
+    can_simulate = wire.wait(lambda each: each.name == "SIMULATION", 3.0) is not None
+    if can_simulate:
         wire.new("Switch", driver.device, "SIMULATION", {"ENABLE": "On"})
         wire.wait(lambda each: each.name == "SIMULATION" and not each.is_definition, 3.0)
     wire.new("Switch", driver.device, "CONNECTION", {"CONNECT": "On"})
@@ -165,6 +177,7 @@ def simulate(driver: Driver, port: int) -> None:
         wire.new("Number", driver.device, "GEOGRAPHIC_COORD", place)
         time.sleep(1.0)
     wire.close()
+    return "simulates" if can_simulate else "a simulator"
 
 
 class Truth:
@@ -227,7 +240,8 @@ def cell(look: Callable[[], str]) -> str:
     try:
         return look()
     except InstrumentError as error:
-        return str(error)
+        words = "".join(c if c.isascii() and c.isprintable() else "?" for c in str(error))
+        return words if len(words) <= CELL_CHARACTERS else f"{words[:CELL_CHARACTERS]} ..."
 
 
 def send(mount: IndiMount, altaz_deg: tuple[float, float]) -> tuple[float, float]:

@@ -121,8 +121,8 @@ class CameraChild:
         answer = client.wait(_EXPOSURE, lambda v: v.state != "Idle", self._answer_s, before)
         if answer is None:
             raise InstrumentError(
-                f"the camera did not start an exposure in {self._answer_s:.0f} s: "
-                "check its USB power"
+                f"the camera did not start an exposure in {self._answer_s:.0f} s: check its USB"
+                " power; a slow device needs a larger waits.answer_s"
             )
         if answer.state == "Alert":
             raise InstrumentError(

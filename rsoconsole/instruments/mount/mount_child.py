@@ -182,10 +182,7 @@ class MountChild:
 
         answer = client.wait(COORDINATES, is_answer, self._answer_s, before)
         if answer is None:
-            raise InstrumentError(
-                f"the mount did not start to slew in {self._answer_s:.0f} s: "
-                f"look at its driver's log. {client.driver_message_since(before)}".rstrip()
-            )
+            raise self._unanswered("start to slew", before)
         if answer.state == "Alert":
             raise InstrumentError(
                 f"the mount refused to slew: {client.failure_reason_since(before)}"
@@ -405,15 +402,19 @@ class MountChild:
         client, _ = self._ready()
         answer = client.wait(name, is_answer, self._answer_s, before)
         if answer is None:
-            raise InstrumentError(
-                f"the mount did not {what} in {self._answer_s:.0f} s: "
-                f"look at its driver's log. {client.driver_message_since(before)}".rstrip()
-            )
+            raise self._unanswered(what, before)
         if answer.state == "Alert":
             raise InstrumentError(
                 f"the mount refused to {what}: {client.failure_reason_since(before)}"
             )
         return answer
+
+    def _unanswered(self, what: str, before: int) -> InstrumentError:
+        said = self._ready()[0].driver_message_since(before)
+        return InstrumentError(
+            f"the mount did not {what} in {self._answer_s:.0f} s: look at its driver's log"
+            f"{f' ({said})' if said else ''}; a slow device needs a larger waits.answer_s"
+        )
 
     def _ready(self) -> tuple[IndiClient, MountMirror]:
         if self._client is None or self._mirror is None:
