@@ -24,7 +24,7 @@ from tests.pages.command_house import PATIENCE_S, PROGRAM, House, Recipes, a_hou
 from tests.pages.command_sky import SPEED, engine_toml, observatory
 from tests.pages.command_things import BELT, TARGET, TARGET_NAME, Things, gps_over_warsaw, pass_over
 from tests.pages.json_page import expect_documented
-from tests.rigs.terminal import Terminal
+from tests.rigs.terminal import READS_S, Terminal
 
 RECIPES = Recipes()
 pytestmark = [
@@ -192,6 +192,7 @@ def look_on(house: House) -> None:
         seen(seat, lambda: seat.shows("TRACK"), "what is followed")
         seat.press("q")
         seen(seat, lambda: seat.shows("leave the console", "the engine keeps running"), "a choice")
+        time.sleep(READS_S)
         seat.press("l")
     assert status_of(house)["holder"] == "autonomy", "leaving changes nothing"
 
@@ -347,6 +348,7 @@ def leave(house: House, seat: Terminal) -> Path:
     session = Path(status_of(house)["session"])
     seat.press("q")
     seen(seat, lambda: seat.shows("leave the console", "Stop the engine"), "a choice")
+    time.sleep(READS_S)
     seat.press("s")
     seen(seat, lambda: seat.shows(f"session {session}"), "the figures")
     assert SessionReader(session).counts().frames >= 1

@@ -10,6 +10,7 @@ import signal
 import socket
 import subprocess
 import termios
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ import pytest
 
 from rsoconsole.simulator import start_observatory
 from tests.console.test_console_death import FIRST_WORDS, FRAMES_AFTER, SIZE, frames_without_a_gap
-from tests.rigs.terminal import Terminal
+from tests.rigs.terminal import READS_S, Terminal
 from tests.rigs.whole_engine import COMMAND, OVERRIDES, WholeEngine, wait_for, whole_engine
 
 pytestmark = pytest.mark.nightly("an SSH server, an engine and consoles")
@@ -244,6 +245,7 @@ def leave(line: Line) -> None:
     """By the keys that leave the engine running."""
     line.press("q")
     wait_for(lambda: line.shows("leave the console"), "the question")
+    time.sleep(READS_S)
     line.press("l")
     wait_for(lambda: line.process.poll() is not None, "the end of the line")
 
