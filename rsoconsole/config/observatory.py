@@ -221,7 +221,7 @@ class MountConfig(Section):
     pier_side: Literal["found", "driver", "reversed", "none"] = Field(
         "found",
         description="how the driver's side of the pier is read: as it says, the other way round,"
-        " not at all, or as the first slew far from the meridian shows",
+        " not at all, or as slews to both sides of the meridian show",
     )
     flip_hysteresis_deg: float = Field(
         0.5, ge=0, le=30, description="a slew changes sides that far past the meridian"

@@ -226,10 +226,7 @@ class MountPort(Protocol):
         """Turn sidereal tracking on or off."""
 
     def set_sidereal_rate(self) -> None:
-        """Set the sidereal rate, where another program has left the mount another one.
-
-        Raises InstrumentError where the mount does not take it.
-        """
+        """Set the sidereal rate, where another program has left the mount another one."""
 
     def set_site(self, site: Site) -> None:
         """Set the site in the mount."""

@@ -1,7 +1,6 @@
 """Mount and camera against Debian's indiserver, telescope simulator and CCD simulator."""
 
 import json
-import shutil
 import subprocess
 import sys
 from math import cos, radians, sin, tan
@@ -12,14 +11,13 @@ import pytest
 
 from rsoconsole.sky import hours_to_deg, separation_deg, wrap_180
 from tests.children.indi_clients import CLIENTS
+from tests.rigs.network_namespace import namespace_for
 
 pytestmark = [pytest.mark.indi_bin, pytest.mark.nightly("Debian's INDI server and drivers")]
 ROOT = Path(__file__).resolve().parents[2]
 NEEDED = (
     "indiserver",
     *(f"indi_simulator_{device}" for device in ("telescope", "ccd", "weather", "dome")),
-    "unshare",
-    "ip",
 )
 
 
@@ -27,12 +25,7 @@ NEEDED = (
 def night(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[str, Any]:
-    missing = [program for program in NEEDED if shutil.which(program) is None]
-    if missing:
-        pytest.skip(f"needs {', '.join(missing)}: apt install indi-bin util-linux iproute2")
-    namespace = ["unshare", "--user", "--map-root-user", "--net"]
-    if subprocess.run([*namespace, "true"], capture_output=True, check=False).returncode:
-        pytest.skip("this system does not let users make a network namespace")
+    namespace = namespace_for(NEEDED, "indi-bin")
     # Sockets have short names: pytest's folders may be too deep.
     folder = tmp_path_factory.mktemp("indi")
     done = subprocess.run(

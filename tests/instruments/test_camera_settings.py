@@ -1,7 +1,6 @@
 """A camera that another client sets otherwise: Debian's CCD simulator, and the words for it."""
 
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,10 +10,10 @@ import pytest
 
 from rsoconsole.instruments.camera._capture_settings import sensor_caution
 from rsoconsole.instruments.indi.indi_client import Vector
+from tests.rigs.network_namespace import namespace_for
 from tests.tiers import plain_first
 
 ROOT = Path(__file__).resolve().parents[2]
-NEEDED = ("indiserver", "indi_simulator_ccd", "unshare", "ip")
 WHOLE = {"size": [1280, 1024], "kind": "Light", "binning": 1, "exposure_s": 0.4}
 
 
@@ -42,12 +41,7 @@ def test_no_frame_is_used_that_another_program_has_made_another_one(
 
 
 def night_of(folder: Path, frames: int, seed: int) -> list[dict[str, Any]]:
-    missing = [program for program in NEEDED if shutil.which(program) is None]
-    if missing:
-        pytest.skip(f"needs {', '.join(missing)}: apt install indi-bin util-linux iproute2")
-    namespace = ["unshare", "--user", "--map-root-user", "--net"]
-    if subprocess.run([*namespace, "true"], capture_output=True, check=False).returncode:
-        pytest.skip("this system does not let users make a network namespace")
+    namespace = namespace_for(("indiserver", "indi_simulator_ccd"), "indi-bin")
     module = "tests.real_sky.real_camera_changes"
     done = subprocess.run(
         [*namespace, sys.executable, "-m", module, str(folder), str(frames), str(seed)],
@@ -73,21 +67,27 @@ def info(**values: float) -> Vector:
     )
 
 
+SENSOR = {
+    "CCD_MAX_X": 1280,
+    "CCD_MAX_Y": 1024,
+    "CCD_PIXEL_SIZE_X": 5.2,
+    "CCD_PIXEL_SIZE_Y": 5.2,
+}
+
+
 @pytest.mark.parametrize(
     ("values", "pixel_um", "size_px", "said"),
     [
         ({}, 3.8, (4144, 2822), ""),
         ({"CCD_MAX_X": 0.0, "CCD_PIXEL_SIZE_X": 0.0, "CCD_PIXEL_SIZE_Y": 0.0}, 3.8, (10, 10), ""),
         (
-            {"CCD_MAX_X": 1280, "CCD_MAX_Y": 1024}
-            | {"CCD_PIXEL_SIZE_X": 5.2, "CCD_PIXEL_SIZE_Y": 5.2},
+            SENSOR,
             5.2,
             (1280, 1024),
             "",
         ),
         (
-            {"CCD_MAX_X": 1280, "CCD_MAX_Y": 1024}
-            | {"CCD_PIXEL_SIZE_X": 5.2, "CCD_PIXEL_SIZE_Y": 5.2},
+            SENSOR,
             10.4,
             (640, 512),
             "",
@@ -105,8 +105,7 @@ def info(**values: float) -> Vector:
             "the camera says that its pixels are 3.76 µm, optics.pixel_um is 5.2: correct it",
         ),
         (
-            {"CCD_MAX_X": 800, "CCD_MAX_Y": 600}
-            | {"CCD_PIXEL_SIZE_X": 5.2, "CCD_PIXEL_SIZE_Y": 5.2},
+            {**SENSOR, "CCD_MAX_X": 800, "CCD_MAX_Y": 600},
             5.2,
             (1280, 1024),
             "the camera's sensor has 800 x 600 pixels, fewer than optics.width_px x"

@@ -99,6 +99,16 @@ def test_a_mount_left_at_another_rate_is_set_to_the_sidereal_one_and_said_to_be(
     assert len(said_by(night)) == 1
 
 
+def test_a_stop_does_not_touch_the_rate_and_a_driver_that_keeps_it_slews_all_the_same():
+    night = night_of("mode=CUSTOM")
+    night.order("abort")
+    assert MODE not in [name for _, name, _ in night.model.received]
+    night.model._left_out.add(MODE)  # it is deaf to that order from now on
+    slew(night)
+    assert night.model.axes.is_slewing
+    assert said_by(night)[0].startswith("the mount stays at the tracking rate CUSTOM")
+
+
 def test_a_mount_without_rates_or_at_the_sidereal_one_is_told_nothing():
     for oddities in ("", "mode=SIDEREAL"):
         night = night_of(oddities)
@@ -130,34 +140,39 @@ def arrives(convention: PierConvention, hour_angle_deg: float, side: Any) -> Any
     return convention.side(report)
 
 
-@pytest.mark.parametrize(
-    ("hour_angle_deg", "driver", "true"),
-    [
-        (60.0, "east", "east"),
-        (60.0, "west", "east"),
-        (-60.0, "west", "west"),
-        (-60.0, "east", "west"),
-    ],
-)
-def test_the_first_slew_far_from_the_meridian_shows_how_a_driver_names_the_sides(
-    hour_angle_deg: float, driver: Any, true: str
+NORMAL = {60.0: "east", -60.0: "west"}
+
+
+@pytest.mark.parametrize("first", [60.0, -60.0])
+def test_slews_to_both_sides_of_the_meridian_show_that_a_driver_names_the_sides_otherwise(
+    first: float,
 ):
     said: list[str] = []
     convention = PierConvention("found", SITE, said.append)
     # Before it, and near the meridian, nothing is known: the driver is believed.
-    assert convention.side(report_of(60.0, driver)) == driver
-    assert arrives(convention, 10.0, driver) == driver
-    assert arrives(convention, hour_angle_deg, driver) == true
-    assert len(said) == (driver != true)
-    if said:
-        looks = "west" if hour_angle_deg > 0 else "east"
-        assert said[0] == (
-            f"the mount's driver names the sides of the pier the other way round: {driver} after a"
-            f" slew to the {looks}; it is read as {true} (mount.pier_side sets this)"
-        )
+    assert convention.side(report_of(first, NORMAL[-first])) == NORMAL[-first]
+    assert arrives(convention, first / 6.0, NORMAL[-first]) == NORMAL[-first]
+    # On one side its counterweight may be up.
+    for _ in range(2):
+        assert arrives(convention, first, NORMAL[-first]) == NORMAL[-first]
+        assert len(said) == 1
+    assert "its counterweight is up, or it names the sides otherwise" in said[0]
+    assert arrives(convention, -first, NORMAL[first]) == NORMAL[-first]
+    assert len(said) == 2
+    assert "as on the other side: it names the sides of the pier the other way round" in said[1]
     # From then on everywhere, and past the meridian too.
-    assert convention.side(report_of(-hour_angle_deg, driver)) == true
+    assert convention.side(report_of(first, NORMAL[-first])) == NORMAL[first]
     assert convention.side(report_of(5.0, None)) is None
+
+
+def test_a_mount_with_its_counterweight_up_is_not_read_the_other_way_round():
+    """It has tracked far past the meridian, and is sent a little on; its driver says the truth."""
+    said: list[str] = []
+    convention = PierConvention("found", SITE, said.append)
+    assert arrives(convention, 40.0, "west") == "west"
+    assert arrives(convention, -60.0, "west") == "west"
+    assert arrives(convention, 40.0, "west") == "west"
+    assert len(said) == 1
 
 
 def test_a_slew_that_was_stopped_shows_nothing():
@@ -237,21 +252,22 @@ def test_a_device_that_is_no_mount_is_told_by_what_it_offers(tmp_path: Path):
     assert "waits.device_s" in said
 
 
-def test_a_reversed_driver_is_read_right_after_its_first_slew(tmp_path: Path):
+def test_a_reversed_driver_is_read_right_once_both_sides_have_shown_it(tmp_path: Path):
     with (
         OddMountServer(Oddities(reversedside=True, ha_deg=-20.0, speed_deg_s=40.0)) as server,
         connected(server, tmp_path) as mount,
     ):
-        to = send(server, mount, -50.0)
-        ends_s = time.monotonic() + 20.0
-        while True:
-            report = mount.report()
-            off_deg = separation_deg(report.ra_icrs_deg, report.dec_icrs_deg, *to)
-            if (not report.is_slewing and off_deg < 0.1) or time.monotonic() > ends_s:
-                break
-            time.sleep(0.2)
-        assert mount.report().pier_side == "west"
-        assert any("the other way round: east" in text for text in mount.take_messages())
+        for hour_angle_deg in (-50.0, 50.0):
+            to = send(server, mount, hour_angle_deg)
+            ends_s = time.monotonic() + 20.0
+            while True:
+                report = mount.report()
+                off_deg = separation_deg(report.ra_icrs_deg, report.dec_icrs_deg, *to)
+                if (not report.is_slewing and off_deg < 0.1) or time.monotonic() > ends_s:
+                    break
+                time.sleep(0.2)
+        assert mount.report().pier_side == "east"
+        assert any("the other way round, and is read as east" in t for t in mount.take_messages())
 
 
 def send(server: OddMountServer, mount: IndiMount, hour_angle_deg: float) -> tuple[float, float]:

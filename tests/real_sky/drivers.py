@@ -2,7 +2,7 @@
 
 Run as ``python -m tests.real_sky.drivers [DRIVER ...]``; it prints the guide's table of drivers, as
 Markdown, and says on stderr what it cannot run and why. It installs nothing. What the product says
-of a mount is held against the coordinates that a plain connection of the test's own reads.
+of a mount is held against the coordinates that a second connection reads.
 """
 
 import argparse
@@ -29,8 +29,9 @@ from rsoconsole.sky import altaz_to_icrs, separation_deg
 
 SITE = Site(latitude_deg=29.19, longitude_deg=-81.05, elevation_m=10.0)
 WAITS = WaitsConfig(device_s=15.0)
-FIRST, SECOND, FAR = (50.0, 130.0), (45.0, 250.0), (40.0, 100.0)
-"""Altitude and azimuth of the slews; the last is stopped on its way."""
+FIRST, SECOND, FAR = (40.0, 110.0), (45.0, 250.0), (40.0, 100.0)
+"""Altitude and azimuth of the slews, on both sides of the meridian; the last is stopped on its way.
+"""
 ARRIVES_S, STOPS_S, PARKS_S, MEASURES_S = 90.0, 20.0, 60.0, 4.0
 ARRIVED_DEG = 0.2
 DEFINED_S = 3.0

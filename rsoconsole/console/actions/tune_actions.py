@@ -30,8 +30,7 @@ from rsoconsole.control import MAX_FRAMES, Command, Set
 PRESETS = "presets.toml"
 USUAL_FRAMES = 5
 EVERY_S, NEW_FRAME_S = 20.0, 5.0
-"""Least seconds between requests of the figures: of the same frames, and of others."""
-"""Least seconds between two computations of an open pane's figures."""
+"""Least seconds between requests of an open pane's figures: of the same frames, and of others."""
 
 
 class TuneActions:

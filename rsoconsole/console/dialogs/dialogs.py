@@ -94,9 +94,8 @@ class Dialog(ModalScreen[Result], Generic[Result]):
 
     def say_too_early(self, key: str) -> None:
         """Say in the lower border that an answer came before its question could be read."""
-        for box in self.query(VerticalScroll).results():
-            box.border_subtitle = f"{key} came before this could be read: again · esc back"
-            return
+        box = self.query(VerticalScroll).first()
+        box.border_subtitle = f"{key} came before this could be read: again · esc back"
 
     def _is_answer(self, key: str) -> bool:
         return self.ANSWERS is None or key in self.ANSWERS

@@ -220,6 +220,7 @@ WAIT_S = 1.0
 BREATH_S = 2.0
 """Least seconds between two computations for a running engine: simulated nights are fast."""
 NEAR_DEG = 0.5
+"""Way of the telescope by which no limit's figure changes, degrees."""
 MINUTE_NS = 60 * 10**9
 
 

@@ -5,10 +5,12 @@ import math
 from rsoconsole.records import Solution
 from rsoconsole.sky import separation_deg, wrap_180
 
-LEAST_ARCSEC_S, LEAST_ARCSEC = 1.0, 10.0
+MIN_RATE_ARCSEC_S, MIN_WAY_ARCSEC = 1.0, 10.0
 """Least rate and way of a drift that no mount's own error explains: worm gears, polar axes and
 settling give some tenths of an arcsecond a second."""
-LONGEST_S = 300.0
+MAX_RATE_ARCSEC_S = 72.0
+"""Rate above which somebody has moved the mount: see ``FAST_DEG_S`` of a mount's motion."""
+MAX_APART_S = 300.0
 """Longest time between two frames: beyond it a mount's slow errors add up."""
 _AGAIN = 1.5
 """Factor between rates from which on another one is said."""
@@ -48,12 +50,13 @@ class StarDrift:
             return None
         first, first_utc_ns, _ = before
         apart_s = (t_mid_utc_ns - first_utc_ns) / _NS
-        if not 0.0 < apart_s <= LONGEST_S:
+        if not 0.0 < apart_s <= MAX_APART_S:
             return None
         here, there = ((plate.ra_icrs_deg, plate.dec_icrs_deg) for plate in (solution, first))
         way_arcsec = 3600.0 * separation_deg(*here, *there)
         rate_arcsec_s = way_arcsec / apart_s
-        if rate_arcsec_s < LEAST_ARCSEC_S or way_arcsec < LEAST_ARCSEC:
+        is_of_mount = MIN_RATE_ARCSEC_S <= rate_arcsec_s <= MAX_RATE_ARCSEC_S
+        if not is_of_mount or way_arcsec < MIN_WAY_ARCSEC:
             self._said_arcsec_s = 0.0
             return None
         if self._said_arcsec_s / _AGAIN < rate_arcsec_s < self._said_arcsec_s * _AGAIN:

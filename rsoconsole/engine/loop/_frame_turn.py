@@ -160,8 +160,10 @@ class FrameTurn:
     def _note_solution(self, solution: Solution) -> None:
         self._parts.planner.note_solution(solution)
         drift = self._parts.planner.drift.drift_words(solution)
-        # A telescope that waits for a satellite is not sent with the stars.
-        if drift is not None and not self._leaping.is_on:
+        report = self._parts.watch.last_report
+        # A telescope that waits for a satellite, or that stands, was not to go with the stars.
+        is_to_track = report is not None and report.is_tracking and not self._leaping.is_on
+        if drift is not None and is_to_track:
             self._parts.session_log.say("warning", drift)
 
     def _count_frame(self) -> None:

@@ -7,15 +7,18 @@ the frame is not used.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from rsoconsole.base import InstrumentError
-from rsoconsole.instruments.camera._sensor_window import Window, window_of
+from rsoconsole.instruments.camera._sensor_window import BINNING, FRAME, SIDES
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 
-BINNING, FRAME = "CCD_BINNING", "CCD_FRAME"
-Binning = tuple[int, int]
-"""Number of pixels joined across and along."""
+NUMBERS = {
+    BINNING: (("HOR_BIN", "VER_BIN"), "binning"),
+    FRAME: (SIDES, "pixels of its sensor"),
+}
+"""Members of the numbers that a frame needs, and words for them. Joined pixels come first: drivers
+round what they read to what those fill."""
+Figures = tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,9 +57,11 @@ CHOICES = {
     "CCD_FAST_TOGGLE": _Choice(wanted=("INDI_DISABLED",), words={"INDI_ENABLED": "fast exposures"}),
 }
 """Members of these properties that a frame needs, by the names of INDI's standard properties."""
-WATCHED = frozenset((*CHOICES, BINNING, FRAME))
+WATCHED = frozenset((*CHOICES, *NUMBERS))
 SAME_SHARE = 0.02
 """Share by which a pixel's size may differ from the configured one: drivers round it."""
+_HARMLESS_S = 3.0
+"""Longest wait for a driver to set back what spoils no frame."""
 _BY_ANOTHER = "by another program"
 
 
@@ -69,55 +74,55 @@ class CaptureSettings:
         ``say``: called with what was set back.
         """
         self._client, self._answer_s, self._say = client, answer_s, say
-        self._binning: Binning | None = None
-        self._window: Window | None = None
+        self._needed: dict[str, Figures | None] = {}
+        """Numbers that frames need, by property; None: not known."""
+        self._refused: set[str] = set()
+        """Harmless settings that the driver does not set back."""
+        self.change = ""
+        """What another program has changed since ``begin``, so that the frame is of no use."""
         self.take_present()
-        self._change = ""
-        """What was changed since the exposure under way was ordered, in words; empty: nothing."""
 
     def expect_binning(self, joined: int) -> None:
         """Need ``joined`` pixels joined on each axis from now on."""
-        self._binning = joined, joined
+        self._needed[BINNING] = joined, joined
 
     def take_present(self) -> None:
         """Take the present binning and window as those that frames need."""
-        self._binning = binning_of(self._client.get(BINNING))
-        self._window = window_of(self._client.get(FRAME))
+        self._needed = {name: figures_of(self._client.get(name)) for name in NUMBERS}
 
     def restore(self, *, is_quiet: bool = False) -> None:
         """Set back what another program has changed, and say so.
 
-        ``is_quiet``: nothing is said: what was left so long before is nobody's change. Raises
-        InstrumentError where the camera does not take what frames need.
+        ``is_quiet``: nothing is said, as nobody is known to have changed it. Raises InstrumentError
+        where the camera does not take what frames need.
         """
-        for name, choice in CHOICES.items():
-            if found := _wrong_member(self._client.get(name), choice):
-                self._restore_choice(name, choice, found, is_quiet=is_quiet)
-        # Joined pixels first: drivers round what they read to what those fill.
-        binning = binning_of(self._client.get(BINNING))
-        if self._binning is not None and binning is not None and binning != self._binning:
-            values = dict(zip(("HOR_BIN", "VER_BIN"), map(float, self._binning), strict=True))
-            self._restore_numbers(
-                BINNING,
-                values,
-                _binning_words(binning),
-                lambda: binning_of(self._client.get(BINNING)) == self._binning,
-                is_quiet=is_quiet,
+        for name in (*CHOICES, *NUMBERS):
+            vector = self._client.get(name)
+            found = "" if vector is None or name in self._refused else self._difference(vector)
+            if not found or vector is None:
+                continue
+            is_harmless = not self._fault(vector)
+            before = self._order(vector)
+            answer = self._client.wait(
+                name,
+                lambda each: not self._difference(each),
+                _HARMLESS_S if is_harmless else self._answer_s,
+                before,
             )
-        window = window_of(self._client.get(FRAME))
-        if self._window is not None and window is not None and window != self._window:
-            sides = dict(zip(("X", "Y", "WIDTH", "HEIGHT"), map(float, self._window), strict=True))
-            self._restore_numbers(
-                FRAME,
-                sides,
-                _window_words(window),
-                lambda: window_of(self._client.get(FRAME)) == self._window,
-                is_quiet=is_quiet,
-            )
+            if answer is None and not is_harmless:
+                raise InstrumentError(
+                    f"the camera was set to {found} {_BY_ANOTHER} and cannot be set back"
+                    f" ({self._client.failure_reason_since(before)}): end that program, or set it"
+                    " there"
+                )
+            if answer is None:
+                self._refused.add(name)
+            elif not is_quiet:
+                self._say(f"the camera was set to {found} {_BY_ANOTHER}: set back")
 
     def begin(self) -> None:
         """Watch from now on for the exposure that is ordered next."""
-        self._change = ""
+        self.change = ""
         for name in WATCHED:
             vector = self._client.get(name)
             if vector is not None:
@@ -128,17 +133,9 @@ class CaptureSettings:
 
         What a driver that has just connected says for the first time is no change.
         """
-        if vector.name == FRAME and self._window is None:
-            self._window = window_of(vector)
-        if vector.name == BINNING and self._binning is None:
-            self._binning = binning_of(vector)
-        if words := self._fault(vector):
-            self._change = self._change or words
-
-    @property
-    def change(self) -> str:
-        """What another program has changed since ``begin``, so that the frame is of no use."""
-        return self._change
+        if vector.name in NUMBERS and self._needed[vector.name] is None:
+            self._needed[vector.name] = figures_of(vector)
+        self.change = self.change or self._fault(vector)
 
     @property
     def keeps_frames(self) -> bool:
@@ -146,60 +143,39 @@ class CaptureSettings:
         vector = self._client.get("UPLOAD_MODE")
         return vector is not None and bool(vector.values.get("UPLOAD_LOCAL"))
 
-    def _fault(self, vector: Vector) -> str:
-        """Return what a property now is, in words, where a frame would be of no use; else empty."""
+    def _difference(self, vector: Vector) -> str:
+        """Return what a property is, in words, where frames need it otherwise; else empty."""
         if vector.name in CHOICES:
             choice = CHOICES[vector.name]
             found = _wrong_member(vector, choice)
-            is_spoilt = bool(found) and (choice.spoils is None or found in choice.spoils)
-            return choice.said(found) if is_spoilt else ""
-        if vector.name == BINNING:
-            binning = binning_of(vector)
-            if binning is None or self._binning is None or binning == self._binning:
-                return ""
-            return _binning_words(binning)
-        window = window_of(vector)
-        if vector.name != FRAME or window is None or self._window is None:
+            return choice.said(found) if found else ""
+        found_figures, needed = figures_of(vector), self._needed[vector.name]
+        if found_figures is None or needed is None or found_figures == needed:
             return ""
-        return _window_words(window) if window != self._window else ""
+        return "{} x {} {}".format(*found_figures[-2:], NUMBERS[vector.name][1])
 
-    def _restore_choice(self, name: str, choice: _Choice, found: str, *, is_quiet: bool) -> None:
-        vector = self._client.get(name)
-        assert vector is not None
-        member = next((each for each in choice.wanted if each in vector.values), choice.wanted[0])
-        before = self._client.send_switch(name, member)
-        answer = self._client.wait(
-            name, lambda v: bool(v.values.get(member)), self._answer_s, before
-        )
-        if answer is None and (choice.spoils is None or found in choice.spoils):
-            raise self._not_taken(choice.said(found), before)
-        if answer is not None and not is_quiet:
-            self._say_restored(choice.said(found))
+    def _fault(self, vector: Vector) -> str:
+        """Return the same words where a frame is then of no use; else empty."""
+        choice = CHOICES.get(vector.name)
+        spoils = None if choice is None else choice.spoils
+        if (
+            choice is not None
+            and spoils is not None
+            and _wrong_member(vector, choice) not in spoils
+        ):
+            return ""
+        return self._difference(vector)
 
-    def _restore_numbers(
-        self,
-        name: str,
-        values: Mapping[str, float],
-        found: str,
-        is_restored: Callable[[], bool],
-        *,
-        is_quiet: bool,
-    ) -> None:
-        before = self._client.send_numbers(name, values)
-        self._client.wait(name, lambda _: is_restored(), self._answer_s, before)
-        if not is_restored():
-            raise self._not_taken(found, before)
-        if not is_quiet:
-            self._say_restored(found)
-
-    def _say_restored(self, found: str) -> None:
-        self._say(f"the camera was set to {found} {_BY_ANOTHER}: set back")
-
-    def _not_taken(self, found: str, before: int) -> InstrumentError:
-        why = self._client.failure_reason_since(before)
-        return InstrumentError(
-            f"the camera was set to {found} {_BY_ANOTHER} and cannot be set back ({why}): end that "
-            "program, or set it there"
+    def _order(self, vector: Vector) -> int:
+        """Order what frames need; return the number of the last update before the order."""
+        if vector.name in CHOICES:
+            wanted = CHOICES[vector.name].wanted
+            member = next(each for each in wanted if each in vector.values)
+            return self._client.send_switch(vector.name, member)
+        needed, members = self._needed[vector.name], NUMBERS[vector.name][0]
+        assert needed is not None
+        return self._client.send_numbers(
+            vector.name, dict(zip(members, map(float, needed), strict=True))
         )
 
 
@@ -236,25 +212,17 @@ def sensor_caution(info: Vector | None, pixel_um: float, size_px: Sequence[int])
     return ""
 
 
-def binning_of(vector: Vector | None) -> Binning | None:
-    """Return the numbers of joined pixels; None where the driver does not say."""
-    if vector is None or not (vector.values.get("HOR_BIN") and vector.values.get("VER_BIN")):
+def figures_of(vector: Vector | None) -> Figures | None:
+    """Return a property of ``NUMBERS`` as integers; None where the driver does not say them yet."""
+    if vector is None:
         return None
-    return int(vector.values["HOR_BIN"]), int(vector.values["VER_BIN"])
-
-
-def _binning_words(binning: Binning) -> str:
-    return f"{binning[0]} x {binning[1]} binning"
-
-
-def _window_words(window: Window) -> str:
-    return f"{window[2]} x {window[3]} pixels of its sensor"
+    figures = tuple(int(vector.values.get(each) or 0) for each in NUMBERS[vector.name][0])
+    return figures if min(figures[-2:]) > 0 else None
 
 
 def _wrong_member(vector: Vector | None, choice: _Choice) -> str:
     """Return the member that is on and should not be; empty where all is right or not known."""
     if vector is None or not any(each in vector.values for each in choice.wanted):
         return ""
-    values: Mapping[str, Any] = vector.values
-    on = [name for name, is_on in values.items() if is_on]
+    on = [name for name, is_on in vector.values.items() if is_on]
     return next((each for each in on if each not in choice.wanted), "")

@@ -13,8 +13,8 @@ from typing import Any
 from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.indi_client import IndiClient, Vector
 
-_FRAME, _BINNING, _INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
-_SIDES = ("X", "Y", "WIDTH", "HEIGHT")
+FRAME, BINNING, INFO = "CCD_FRAME", "CCD_BINNING", "CCD_INFO"
+SIDES = ("X", "Y", "WIDTH", "HEIGHT")
 _GRID_PX = 16
 """Step to which position and sides of a part are rounded, in joined pixels."""
 _ROUNDED_PX = 64
@@ -42,12 +42,12 @@ class SensorWindow:
         window. Returns ``own``, the fraction set and the window set. Raises InstrumentError where
         the camera cannot.
         """
-        now = window_of(self._client.get(_FRAME))
+        now = window_of(self._client.get(FRAME))
         if now is None:
             raise InstrumentError(
                 "the camera's driver cannot read a part of the sensor: set leap.subframe to 1"
             )
-        joined = _joined(self._client.get(_BINNING))
+        joined = _joined(self._client.get(BINNING))
         own = own or self._own_of(now, joined, size_px)
         wanted = central_window(own, share, _GRID_PX * joined)
         if wanted != now:
@@ -61,8 +61,8 @@ class SensorWindow:
         ``size_px``: configured width and height. Nothing is done where these are a part of the
         sensor.
         """
-        now = window_of(self._client.get(_FRAME))
-        whole = whole_sensor(self._client.get(_INFO), size_px)
+        now = window_of(self._client.get(FRAME))
+        whole = whole_sensor(self._client.get(INFO), size_px)
         if now is None or whole is None or not _is_about_its_middle(now, whole):
             return
         print(f"the camera was left with {now} of its sensor: it reads all", file=sys.stderr)
@@ -71,18 +71,18 @@ class SensorWindow:
 
     def remember(self) -> None:
         """Note the present window before binning, because some drivers then round it."""
-        self._remembered = window_of(self._client.get(_FRAME))
+        self._remembered = window_of(self._client.get(FRAME))
 
     def restore(self) -> None:
         """Set the noted window again, where the driver has changed it."""
         before, self._remembered = self._remembered, None
-        if before is not None and before != window_of(self._client.get(_FRAME)):
+        if before is not None and before != window_of(self._client.get(FRAME)):
             with contextlib.suppress(InstrumentError):
                 self._set_window(before)
 
     def _own_of(self, now: Window, joined: int, size_px: Sequence[int]) -> Window:
         """Window that the operator has set in the driver."""
-        whole = whole_sensor(self._client.get(_INFO), size_px)
+        whole = whole_sensor(self._client.get(INFO), size_px)
         if whole is not None:
             return whole
         if any(
@@ -98,20 +98,18 @@ class SensorWindow:
         """Order a window; return the driver's answer, which may be rounded. Raises
         InstrumentError.
         """
-        before = self._client.send_numbers(
-            _FRAME, dict(zip(_SIDES, map(float, wanted), strict=True))
-        )
+        before = self._client.send_numbers(FRAME, dict(zip(SIDES, map(float, wanted), strict=True)))
 
         def has_taken(vector: Vector) -> bool:
             now = window_of(vector)
             return now is not None and _off_px(now, wanted) <= _ROUNDED_PX
 
         answer = self._client.wait(
-            _FRAME, lambda each: has_taken(each) or each.state == "Alert", self._answer_s, before
+            FRAME, lambda each: has_taken(each) or each.state == "Alert", self._answer_s, before
         )
         if answer is not None and not has_taken(answer):
             # The state may be that of the order before.
-            answer = self._client.wait(_FRAME, has_taken, _SECOND_WORD_S, answer.serial)
+            answer = self._client.wait(FRAME, has_taken, _SECOND_WORD_S, answer.serial)
         if answer is None:
             raise InstrumentError(
                 f"the camera did not take {wanted[2]} x {wanted[3]} pixels of its sensor"
@@ -155,9 +153,9 @@ def whole_sensor(info: Vector | None, size_px: Sequence[int]) -> Window | None:
 
 
 def window_of(vector: Vector | None) -> Window | None:
-    if vector is None or not all(side in vector.values for side in _SIDES):
+    if vector is None or not all(side in vector.values for side in SIDES):
         return None
-    window = [int(float(vector.values[side])) for side in _SIDES]
+    window = [int(float(vector.values[side])) for side in SIDES]
     return window if min(window[2:]) > 0 else None  # a driver that connects has none yet
 
 

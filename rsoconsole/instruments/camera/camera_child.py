@@ -18,14 +18,12 @@ import numpy.typing as npt
 
 from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.camera._capture_settings import (
-    BINNING,
-    FRAME,
     WATCHED,
     CaptureSettings,
     sensor_caution,
     spoilt_words,
 )
-from rsoconsole.instruments.camera._sensor_window import SensorWindow
+from rsoconsole.instruments.camera._sensor_window import BINNING, FRAME, INFO, SensorWindow
 from rsoconsole.instruments.camera.frame_ring import FrameRing
 from rsoconsole.instruments.frames.frame_files import frame_from_bytes
 from rsoconsole.instruments.frames.plain_fits import read_plain
@@ -37,12 +35,11 @@ from rsoconsole.records import Frame
 
 _EXPOSURE = "CCD_EXPOSURE"
 _IMAGE = "CCD1"
-_INFO = "CCD_INFO"
 _DEFINED_S = 1.0
 """Longest wait for properties that not every driver has, s: they are defined one by one."""
 _UNLIKE = 0.05
 """Share by which a frame's exposure may differ from the ordered one."""
-_LEAST_UNLIKE_S = 0.1
+_MIN_UNLIKE_S = 0.1
 _FITS = b"SIMPLE"
 _NO_FITS = (
     "it came as something else than FITS (the camera's own format, a packed file or a picture of"
@@ -94,7 +91,7 @@ class CameraChild:
         for name in (FRAME, BINNING, "UPLOAD_MODE"):
             client.wait(name, lambda _: True, max(ends_s - time.monotonic(), 0.0))
         settings = CaptureSettings(client, self._answer_s, self._say)
-        if own := _driver_binning(client.get(_INFO), order["size_px"][0], float(order["pixel_um"])):
+        if own := _driver_binning(client.get(INFO), order["size_px"][0], float(order["pixel_um"])):
             settings.expect_binning(own * int(order["binning"]))
         # What was left before the first start is nobody's change.
         settings.restore(is_quiet=bool(order["is_first"]))
@@ -105,7 +102,7 @@ class CameraChild:
         self._settings = settings
         self._pixel_um, self._size_px = float(order["pixel_um"]), list(order["size_px"])
         self._caution = ""
-        self._look_at_pixels(client.get(_INFO))
+        self._look_at_pixels(client.get(INFO))
         return {"client": library.title}
 
     def expose(self, order: dict[str, Any]) -> dict[str, Any]:
@@ -146,7 +143,7 @@ class CameraChild:
         now = int(vector.values["HOR_BIN"])
         own = int(order["own"]) or now
         if not order["own"]:
-            info = client.get(_INFO)
+            info = client.get(INFO)
             own = _driver_binning(info, order["width_px"], self._pixel_um) or now
         wanted = own * int(order["binning"])
         if wanted == now:
@@ -194,7 +191,7 @@ class CameraChild:
             self._receive(vector.blobs[_IMAGE], vector.arrived_monotonic_s)
         elif vector.name == _EXPOSURE:
             self._note_exposure(vector)
-        elif vector.name == _INFO:
+        elif vector.name == INFO:
             self._look_at_pixels(vector)
         elif self._settings is not None and vector.name in WATCHED:
             self._settings.note(vector)
@@ -289,7 +286,7 @@ class CameraChild:
                 return f"the camera took a {other} frame: another program has set that"
         if frame.exposure_s is None:
             return ""
-        allowed_s = max(_UNLIKE * self._exposure_s, _LEAST_UNLIKE_S)
+        allowed_s = max(_UNLIKE * self._exposure_s, _MIN_UNLIKE_S)
         if abs(frame.exposure_s - self._exposure_s) > allowed_s:
             return (
                 f"the frame was exposed {frame.exposure_s:g} s, not {self._exposure_s:g} s: another"

@@ -147,7 +147,7 @@ class IndiClient(ABC):
 
     def _forget(self, name: str) -> None:
         """Remove a property."""
-        self._vectors.pop(name, None)
+        self._vectors.pop(OF_DATE if name == OF_J2000 and self._has_j2000 else name, None)
 
     def _note_message(self, text: str) -> None:
         """Store a message of the driver."""

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from rsoconsole.instruments.indi.indi_wire import OF_DATE
 from rsoconsole.instruments.motion import DirectionReport, Motion, MotionMeter
 from rsoconsole.sky import hours_to_deg
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from rsoconsole.instruments.indi.indi_client import Vector
     from rsoconsole.instruments.indi.indi_wire import IndiVector
 
-COORDINATES = "EQUATORIAL_EOD_COORD"
+COORDINATES = OF_DATE
 ABORT = "TELESCOPE_ABORT_MOTION"
 PARK = "TELESCOPE_PARK"
 TRACKING = "TELESCOPE_TRACK_STATE"

@@ -1,16 +1,15 @@
 """The rate at which a mount tracks: INDI's TELESCOPE_TRACK_MODE."""
 
-from rsoconsole.base import InstrumentError
 from rsoconsole.instruments.indi.indi_client import IndiClient
 
 _MODE, _SIDEREAL = "TELESCOPE_TRACK_MODE", "TRACK_SIDEREAL"
+_ANSWER_S = 3.0
 
 
-def set_sidereal(client: IndiClient, answer_s: float) -> str:
-    """Set the sidereal rate, where a mount has another; return that in words, empty for none.
+def set_sidereal(client: IndiClient) -> str:
+    """Set the sidereal rate, where a mount has another; return what was found, empty for nothing.
 
-    ``answer_s``: longest time that the driver may take. Raises InstrumentError where it does not
-    take the sidereal rate.
+    A driver that does not take it is said to: the stars will tell how fast they drift.
     """
     mode = client.get(_MODE)
     if mode is None or mode.values.get(_SIDEREAL, True):
@@ -18,9 +17,7 @@ def set_sidereal(client: IndiClient, answer_s: float) -> str:
     on = (name.removeprefix("TRACK_") for name, is_on in mode.values.items() if is_on)
     found = next(on, "of no name")
     before = client.send_switch(_MODE, _SIDEREAL)
-    if client.wait(_MODE, lambda v: bool(v.values.get(_SIDEREAL)), answer_s, before) is None:
-        raise InstrumentError(
-            f"the mount tracks at the rate {found} and does not take the sidereal one"
-            f" ({client.failure_reason_since(before)}): set it in its driver"
-        )
+    if client.wait(_MODE, lambda v: bool(v.values.get(_SIDEREAL)), _ANSWER_S, before) is None:
+        why = client.failure_reason_since(before)
+        return f"the mount stays at the tracking rate {found} ({why}): set it to sidereal"
     return f"the mount was set to track at the rate {found} by another program: sidereal again"

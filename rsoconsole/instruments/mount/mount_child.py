@@ -231,6 +231,8 @@ class MountChild:
         if wanted:  # a mount that says that it is parked may track all the same
             self._refuse_if_parked()
         self._new_order(order)
+        if wanted:
+            self.set_sidereal_rate()
         if self._track(wanted) is not wanted and not self._ready()[1].is_moving:
             raise InstrumentError(
                 f"the mount did not turn tracking {'on' if wanted else 'off'}: "
@@ -240,7 +242,7 @@ class MountChild:
 
     def set_sidereal_rate(self, _order: dict[str, Any] | None = None) -> dict[str, Any]:
         """Set the sidereal rate, where the mount has another one to track at."""
-        if text := set_sidereal(self._ready()[0], self._answer_s):
+        if text := set_sidereal(self._ready()[0]):
             self._writer.send({"event": "message", "text": text})
         return {}
 
@@ -320,8 +322,6 @@ class MountChild:
         client, mirror = self._ready()
         if client.get(TRACKING) is None:
             return None
-        if is_on:
-            self.set_sidereal_rate()
         member = "TRACK_ON" if is_on else "TRACK_OFF"
         answer = self._switch(TRACKING, member)
         client.wait(

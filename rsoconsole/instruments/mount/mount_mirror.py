@@ -117,14 +117,19 @@ class MountMirror:
         """True while the driver reports that the mount is on its way to its park position, or that
         it is there and nothing shows it yet.
         """
+        return self._is_reported_parking or self._is_park_unproven
+
+    @property
+    def _is_reported_parking(self) -> bool:
         park = self._client.get(PARK)
-        return park is not None and (park.state == "Busy" or self._is_park_unproven)
+        return park is not None and park.state == "Busy"
 
     @property
     def is_reported_moving(self) -> bool:
         """True while the driver reports that the mount slews or parks."""
         coordinates = self._client.get(COORDINATES)
-        return self.is_parking or (coordinates is not None and coordinates.state == "Busy")
+        is_busy = coordinates is not None and coordinates.state == "Busy"
+        return self._is_reported_parking or is_busy
 
     @property
     def is_moving(self) -> bool:

@@ -1,8 +1,10 @@
 """Side of the pier of a German mount, whichever convention its driver follows.
 
 INDI's PIER_EAST means a telescope east of the pier, which looks west. Some drivers name the sides
-the other way round. Where a slew has just ended, far from the meridian, the mount's side follows
-from where it looks: a German mount then looks across its pier.
+the other way round. Where a slew has just ended, far from the meridian, a German mount as a rule
+looks across its pier, so its side follows from where it looks. One such slew proves nothing: its
+counterweight may be up. So the driver is believed until slews to both sides of the meridian have
+shown the contrary.
 """
 
 from collections.abc import Callable
@@ -13,9 +15,8 @@ from rsoconsole.records import Site
 from rsoconsole.sky import hour_angle_jnow_deg, icrs_to_jnow, separation_deg
 
 PierSetting = Literal["found", "driver", "reversed", "none"]
-KNOWN_FROM_DEG = 30.0
-"""Least hour angle, from the meridian, of a direction that tells the side: no mount is sent so far
-with its counterweight up."""
+TELLS_FROM_DEG = 30.0
+"""Least hour angle, from the meridian, of a direction that tells the side."""
 ARRIVED_DEG = 0.5
 _OTHER: dict[PierSide, PierSide] = {"east": "west", "west": "east"}
 
@@ -29,6 +30,8 @@ class PierConvention:
         self._target: tuple[float, float] | None = None
         self._is_reversed = setting == "reversed"
         self._is_found = setting != "found" or site is None
+        self._contrary: set[PierSide] = set()
+        """Sides on which the mount should have been where the driver has said the other one."""
 
     def begin_slew(self, ra_icrs_deg: float, dec_icrs_deg: float) -> None:
         """Note where the mount is sent."""
@@ -55,14 +58,25 @@ class PierConvention:
         self._target = None
         ra_jnow_deg, _ = icrs_to_jnow(*here, report.t_utc_ns)
         hour_angle_deg = hour_angle_jnow_deg(self._site, ra_jnow_deg, report.t_utc_ns)
-        if not KNOWN_FROM_DEG <= abs(hour_angle_deg) <= 180.0 - KNOWN_FROM_DEG:
+        if not TELLS_FROM_DEG <= abs(hour_angle_deg) <= 180.0 - TELLS_FROM_DEG:
             return
-        self._is_found = True
         true: PierSide = "east" if hour_angle_deg > 0.0 else "west"
-        self._is_reversed = said != true
-        if self._is_reversed:
-            where = "west" if hour_angle_deg > 0.0 else "east"
+        if said == true:
+            self._is_found = True
+            return
+        if true in self._contrary:
+            return
+        self._contrary.add(true)
+        where = "west" if hour_angle_deg > 0.0 else "east"
+        seen = f"the mount's driver says {said} of the pier after a slew to the {where}"
+        if len(self._contrary) < len(_OTHER):
             self._say(
-                f"the mount's driver names the sides of the pier the other way round: {said} after"
-                f" a slew to the {where}; it is read as {true} (mount.pier_side sets this)"
+                f"{seen}: its counterweight is up, or it names the sides otherwise. A slew"
+                " far beyond the meridian will tell, or set mount.pier_side"
             )
+            return
+        self._is_found = self._is_reversed = True
+        self._say(
+            f"{seen}, as on the other side: it names the sides of the pier the other way round, and"
+            f" is read as {true} (mount.pier_side sets this)"
+        )
