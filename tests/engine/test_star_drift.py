@@ -2,15 +2,20 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from rsoconsole.engine.aim.star_drift import StarDrift
-from rsoconsole.records import Solution
+from rsoconsole.instruments import MountReport
+from rsoconsole.records import Event, Solution
+from rsoconsole.sky import altaz_to_icrs
 from tests.makers import NS, T0_UTC_NS
 from tests.nights.made_up_night import solution_of
+from tests.rigs.engine_rig import SITE, PlainMount, asked, command_handler_of, rig
 
 CADENCE_S, DEC_DEG = 20.0, 40.0
+WHERE, BESIDE = ("ra_icrs_deg", "dec_icrs_deg"), altaz_to_icrs(SITE, 50.0, 170.0, T0_UTC_NS)
 
 
 def plates(rate_arcsec_s: tuple[float, float], count: int) -> list[tuple[Solution, int]]:
@@ -75,3 +80,48 @@ def test_a_frame_that_was_not_solved_is_bridged_and_a_long_gap_is_not():
             ra_deg = 100.0 + 5.0 * t_s / 3600.0
             words = watch.drift_words(replace(solution_of(number, ra_deg, 0.0), frame_id=number))
         assert (words is not None) is is_told
+
+
+# -- in the engine, while the operator has the mount: frames go on without a slew between them -----
+
+
+class Drifting(PlainMount):
+    """Goes where it is told, and on from there while it says that it tracks."""
+
+    RATE_ARCSEC_S = 3.0
+    _from: tuple[float, tuple[float, float]] = (0.0, (0.0, 0.0))
+
+    @property
+    def at_deg(self) -> tuple[float, float]:
+        t_utc_ns, (ra_deg, dec_deg) = self._from
+        return ra_deg, dec_deg + self.RATE_ARCSEC_S * (self.clock.t_utc_ns - t_utc_ns) / NS / 3600.0
+
+    @at_deg.setter
+    def at_deg(self, place: tuple[float, float]) -> None:
+        self._from = self.clock.t_utc_ns, place
+
+
+class Steady(Drifting):
+    RATE_ARCSEC_S = 0.2
+
+
+class Standing(Drifting):
+    """Its tracking is off, whoever has done that; the stars pass it."""
+
+    def report(self, *arguments: Any, **named: Any) -> MountReport:
+        return replace(super().report(*arguments, **named), is_tracking=False)
+
+
+@pytest.mark.parametrize(
+    ("make_mount", "is_told"), [(Drifting, True), (Steady, False), (Standing, False)]
+)
+def test_the_log_has_a_drift_of_a_mount_that_is_to_track(make_mount: Any, is_told: bool):
+    r = rig(set(), make_mount=make_mount)
+    command_handler_of(r).handle(asked("goto", dict(zip(WHERE, BESIDE, strict=True))))
+    r.engine.run(frames=6)
+    said = [e for e in r.memory.of(Event) if "against the stars" in e.text]
+    assert len(said) == is_told
+    if said:
+        assert said[0].level == "warning"
+        assert "the mount drifts by 3.0″/s against the stars" in said[0].text
+    assert len(r.mount.slews) == 1

@@ -378,7 +378,6 @@ class Planner:
 
     def command(self, slew: SlewCommand) -> Direction:
         """Return the direction to command, ICRS degrees, so that a slew reaches its target."""
-        self.drift.note_move()
         to = (slew.ra_icrs_deg, slew.dec_icrs_deg)
         planned, planned_utc_ns = self._planned
         # The mount chooses its side when it is told, not when it arrives.
@@ -396,6 +395,7 @@ class Planner:
 
         ``sent_to``: the direction that was commanded, ICRS degrees.
         """
+        self.drift.note_move()
         self._commanded = sent_to
         has_flipped = report.pier_side != self._pier_side
         self.last_report = report
