@@ -15,7 +15,7 @@ from rsoconsole.records import Site
 from rsoconsole.sky import hour_angle_jnow_deg, icrs_to_jnow, separation_deg
 
 PierSetting = Literal["found", "driver", "reversed", "none"]
-TELLS_FROM_DEG = 30.0
+MIN_HOUR_ANGLE_DEG = 30.0
 """Least hour angle, from the meridian, of a direction that tells the side."""
 ARRIVED_DEG = 0.5
 _OTHER: dict[PierSide, PierSide] = {"east": "west", "west": "east"}
@@ -58,7 +58,7 @@ class PierConvention:
         self._target = None
         ra_jnow_deg, _ = icrs_to_jnow(*here, report.t_utc_ns)
         hour_angle_deg = hour_angle_jnow_deg(self._site, ra_jnow_deg, report.t_utc_ns)
-        if not TELLS_FROM_DEG <= abs(hour_angle_deg) <= 180.0 - TELLS_FROM_DEG:
+        if not MIN_HOUR_ANGLE_DEG <= abs(hour_angle_deg) <= 180.0 - MIN_HOUR_ANGLE_DEG:
             return
         true: PierSide = "east" if hour_angle_deg > 0.0 else "west"
         if said == true:
