@@ -1,5 +1,8 @@
 from .camera.camera import ARRIVED_KEY as ARRIVED_KEY
 from .clock_watch import MIN_STEP_S as MIN_STEP_S
+from .frames.exposure_time import ExposureTime as ExposureTime
+from .frames.exposure_time import exposure_s as exposure_s
+from .frames.exposure_time import exposure_time as exposure_time
 from .frames.frame_files import frame_from_array as frame_from_array
 from .frames.frame_files import frame_from_bytes as frame_from_bytes
 from .frames.frame_files import read_frame as read_frame
@@ -7,8 +10,6 @@ from .frames.frame_files import read_frames as read_frames
 from .frames.frame_header import EXTENSION_KEY as EXTENSION_KEY
 from .frames.frame_header import NOTES_KEY as NOTES_KEY
 from .frames.frame_header import camera_mode as camera_mode
-from .frames.frame_header import exposure_s as exposure_s
-from .frames.frame_header import header_start as header_start
 from .frames.frame_header import sensor_temperature_c as sensor_temperature_c
 from .indi.client_choice import ANY_CLIENT as ANY_CLIENT
 from .indi.client_choice import allowed_libraries as allowed_libraries

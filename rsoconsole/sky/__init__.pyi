@@ -74,6 +74,7 @@ from .stars.star_catalogue import has_tycho2_stars as has_tycho2_stars
 from .times import ARCSEC_RAD as ARCSEC_RAD
 from .times import JD_UNIX as JD_UNIX
 from .times import MJD_UNIX as MJD_UNIX
+from .times import TIME_SCALES as TIME_SCALES
 from .times import IntArray as IntArray
 from .times import TimeLike as TimeLike
 from .times import day_of as day_of
@@ -82,6 +83,7 @@ from .times import jd_ut1 as jd_ut1
 from .times import jd_utc as jd_utc
 from .times import lst_deg as lst_deg
 from .times import tai_minus_utc_s as tai_minus_utc_s
+from .times import utc_ns_of_scale as utc_ns_of_scale
 from .wcs import describe_field as describe_field
 from .wcs import jacobian_arcsec_px as jacobian_arcsec_px
 from .wcs import pixel_to_sky as pixel_to_sky

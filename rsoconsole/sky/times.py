@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import date, timedelta
 from functools import lru_cache
 from importlib.resources import files
-from typing import overload
+from typing import Final, overload
 
 import erfa
 import numpy as np
@@ -146,6 +146,45 @@ def _iers_table() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     mjd, ut1_minus_utc, pole_x, pole_y = np.array(rows).T
     t_utc_ns = (mjd.astype(np.int64) - MJD_UNIX) * NS_PER_DAY
     return mjd, ut1_minus_utc - tai_minus_utc_s(t_utc_ns), pole_x, pole_y
+
+
+TIME_SCALES: Final = ("UTC", "UT1", "TAI", "TT", "TDB", "GPS")
+"""Time scales that ``utc_ns_of_scale`` converts."""
+_GPS_MINUS_TAI_S = -19.0
+_ROUNDS = 3
+"""Rounds in which a conversion settles; it needs more than one only beside a leap second."""
+
+
+def utc_ns_of_scale(count_ns: int, scale: str) -> int:
+    """Convert an instant of a time scale, ns of that scale since its 1970-01-01T00:00, to UTC ns.
+
+    ``scale``: one of ``TIME_SCALES``. TDB is taken at the geocentre (2 us off at most). Source:
+    FITS standard 4.0, table 30; IAU SOFA, time scale cookbook. Raises ValueError for another scale.
+    """
+    if scale not in TIME_SCALES:
+        raise ValueError(f"{scale} is not converted: {', '.join(TIME_SCALES)} are")
+    t_utc_ns = count_ns
+    for _ in range(_ROUNDS):
+        ahead_s = _ahead_of_utc_s(t_utc_ns, scale)
+        t_utc_ns = count_ns - round(ahead_s * NS_PER_S)
+    return t_utc_ns
+
+
+def _ahead_of_utc_s(t_utc_ns: int, scale: str) -> float:
+    """Seconds by which a time scale is ahead of UTC."""
+    if scale == "UTC":
+        return 0.0
+    if scale == "UT1":
+        return float(earth_orientation(t_utc_ns).ut1_minus_utc_s)
+    tai_s = float(tai_minus_utc_s(t_utc_ns))
+    if scale == "TAI":
+        return tai_s
+    if scale == "GPS":
+        return tai_s + _GPS_MINUS_TAI_S
+    tt_s = tai_s + TT_MINUS_TAI_S
+    if scale == "TT":
+        return tt_s
+    return tt_s + float(erfa.dtdb(*jd_tt(t_utc_ns), 0.0, 0.0, 0.0, 0.0))
 
 
 def gast_deg(t_utc_ns: TimeLike) -> FloatArray:

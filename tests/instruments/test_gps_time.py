@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from rsoconsole.instruments import camera_mode
-from rsoconsole.instruments.frames.frame_header import exposure_start
+from rsoconsole.instruments import camera_mode, exposure_time
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import utc_ns_to_iso
 
@@ -60,8 +59,9 @@ TOUPTEK = {
     ],
 )
 def test_the_receivers_time_is_the_frames(header: dict[str, Any], begins: str) -> None:
-    t_utc_ns, note = exposure_start(header)
-    assert note is None
+    exposed = exposure_time(header)
+    assert exposed.notes == ()
+    t_utc_ns = exposed.start_utc_ns
     assert t_utc_ns is not None
     # Its middle is the middle of opening and closing: half the microseconds that EXPTIME lacks.
     assert utc_ns_to_iso(t_utc_ns, 9) == begins
@@ -79,31 +79,16 @@ def test_the_receivers_time_is_the_frames(header: dict[str, Any], begins: str) -
 )
 def test_a_receiver_that_cannot_be_believed_is_said_and_not_used(change, why) -> None:
     header = NINA | change
-    t_utc_ns, note = exposure_start(header)
-    assert t_utc_ns == iso_to_utc_ns("2024-01-21T11:43:31.100")
-    assert note is not None
+    exposed = exposure_time(header)
+    assert exposed.start_utc_ns == iso_to_utc_ns("2024-01-21T11:43:31.100")
+    (note,) = exposed.notes
     assert why in note
     assert camera_mode(header).time_by == "header"
 
 
 def test_without_a_lock_and_without_date_obs_there_is_no_time() -> None:
     header = NINA | {"DATE-OBS": "", "GPS_SFLG": 1}
-    assert exposure_start(header)[0] is None
-
-
-def test_the_fits_standards_own_times_stand_in_for_date_obs() -> None:
-    middle = {"DATE-AVG": "2024-01-21T11:43:32.5", "EXPTIME": 3.0}
-    assert exposure_start(middle)[0] == iso_to_utc_ns("2024-01-21T11:43:31")
-    begin = middle | {"DATE-BEG": "2024-01-21T11:43:31.25"}
-    assert exposure_start(begin)[0] == iso_to_utc_ns("2024-01-21T11:43:31.25")
-    assert exposure_start(begin | {"DATE-OBS": "2024-01-21T00:00:00"})[0] == iso_to_utc_ns(
-        "2024-01-21T00:00"
-    )
-    assert exposure_start({"DATE-AVG": "2024-01-21T11:43:32.5"})[0] is None
-    t_utc_ns, note = exposure_start(begin | {"TIMESYS": "TAI"})
-    assert t_utc_ns is None
-    assert note is not None
-    assert "TIMESYS is TAI" in note
+    assert exposure_time(header).start_utc_ns is None
 
 
 def test_the_mode_is_what_the_header_tells() -> None:

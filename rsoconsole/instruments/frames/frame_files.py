@@ -29,13 +29,12 @@ from rsoconsole.instruments.frames._frame_pixels import (
     saturation_adu,
     to_pixels,
 )
+from rsoconsole.instruments.frames.exposure_time import exposure_time
 from rsoconsole.instruments.frames.frame_header import (
     EXTENSION_KEY,
     NOTES_KEY,
     camera_mode,
-    exposure_s,
-    exposure_start,
-    impossible_scale_note,
+    header_notes,
     plate_scale_arcsec_px,
     pointing_deg,
 )
@@ -252,8 +251,8 @@ def _frame_of(
     if bits == 8:
         # Kept in 16 bits it would not show any more.
         header.setdefault("SATURATE", full_adu)
-    t_start_utc_ns, note = exposure_start(header)
-    notes += [words for words in (note, impossible_scale_note(header)) if words]
+    exposed = exposure_time(header)
+    notes += header_notes(header)
     ra_deg, dec_deg = pointing_deg(header)
     if image.label:
         header |= {EXTENSION_KEY: image.label, OTHERS_KEY: image.others}
@@ -261,8 +260,8 @@ def _frame_of(
         frame_id=frame_id,
         name=f"{name}[{image.label}]" if image.label else name,
         pixels=pixels,
-        t_start_utc_ns=t_start_utc_ns,
-        exposure_s=exposure_s(header),
+        t_start_utc_ns=exposed.start_utc_ns,
+        exposure_s=exposed.exposure_s,
         scale_arcsec_px=plate_scale_arcsec_px(header),
         pointing_ra_icrs_deg=ra_deg,
         pointing_dec_icrs_deg=dec_deg,

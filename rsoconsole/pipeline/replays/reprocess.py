@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rsoconsole.base import FrameError, RsoconsoleError, SessionError
 from rsoconsole.config import Config, with_setting
-from rsoconsole.instruments import PlateSolver, header_start, read_frame
+from rsoconsole.instruments import PlateSolver, read_frame
 from rsoconsole.night import NightFrame, NightFrames
 from rsoconsole.pipeline.comparison.fixed_light import RecordedComparison
 from rsoconsole.pipeline.frame.calibration import Calibration
@@ -171,8 +171,6 @@ def read_recorded_frame(recorded: RecordedFrame) -> Frame:
             f" {taken.frame_id} was {taken.width_px} x {taken.height_px}: it is another's file"
         )
     then_ns, read_ns = taken.t_start_utc_ns, frame.t_start_utc_ns
-    if taken.camera is None:  # recorded before the camera's own receiver was asked
-        read_ns, _ = header_start(frame.header)
     if then_ns is not None and read_ns is not None and abs(read_ns - then_ns) > ROUNDED_NS:
         raise FrameError(
             f"{recorded.path.name} began at another instant than frame {taken.frame_id}:"
