@@ -72,6 +72,11 @@ class SiteConfig(Section):
     longitude_deg: float = Field(-81.05, ge=-180, le=360, description="east positive")
     elevation_m: float = Field(10.0, ge=-430, le=9000)
 
+    @property
+    def is_set(self) -> bool:
+        """True where its coordinates were given, False for the default ones."""
+        return {"latitude_deg", "longitude_deg"} <= self.model_fields_set
+
     def to_site(self) -> Site:
         """Return the site as a ``Site`` record, with longitude in -180 to 180."""
         return Site(

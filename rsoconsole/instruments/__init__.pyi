@@ -11,6 +11,10 @@ from .frames.frame_header import EXTENSION_KEY as EXTENSION_KEY
 from .frames.frame_header import NOTES_KEY as NOTES_KEY
 from .frames.frame_header import camera_mode as camera_mode
 from .frames.frame_header import sensor_temperature_c as sensor_temperature_c
+from .frames.header_site import SAME_PLACE_KM as SAME_PLACE_KM
+from .frames.header_site import HeaderSite as HeaderSite
+from .frames.header_site import header_site as header_site
+from .frames.header_site import site_words as site_words
 from .indi.client_choice import ANY_CLIENT as ANY_CLIENT
 from .indi.client_choice import allowed_libraries as allowed_libraries
 from .indi.client_choice import client_library as client_library

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 
 from rsoconsole.base import InputError
-from rsoconsole.config import Config, effective_settings, load_config, with_changes
+from rsoconsole.config import Config, load_config, with_changes
 from rsoconsole.library.formats.tables import as_table
 from rsoconsole.night import Row, public_table_rows
 from rsoconsole.records import TABLES, Column, Record, Site
@@ -235,14 +235,8 @@ def required_site(given: Place | None, own: Site | None, config: ConfigLike) -> 
 
 def configured_site(config: ConfigLike) -> Site | None:
     """Return the configured site; None where the configuration has only the default coordinates."""
-    if isinstance(config, Config):
-        is_set = {"latitude_deg", "longitude_deg"} <= config.site.model_fields_set
-        return config.site.to_site() if is_set else None
-    path = None if config is None else Path(config).expanduser()
-    origins = {each.name: each.origin for each in effective_settings(path)}
-    if "default" in (origins["site.latitude_deg"], origins["site.longitude_deg"]):
-        return None
-    return load_config(path).site.to_site()
+    site = resolve_config(config).site
+    return site.to_site() if site.is_set else None
 
 
 if TYPE_CHECKING:

@@ -65,6 +65,8 @@ from .frame.calibration import MasterTraits as MasterTraits
 from .frame.calibration import is_same_exposure as is_same_exposure
 from .frame.calibration import nearest_dark as nearest_dark
 from .frame.calibration import read_masters as read_masters
+from .frame.frame_site import FrameSite as FrameSite
+from .frame.frame_site import site_of_frames as site_of_frames
 from .frame.marked_frames import HELD as HELD
 from .frame.marked_frames import recorded_pixels as recorded_pixels
 from .frame.measurement import frame_timing as frame_timing

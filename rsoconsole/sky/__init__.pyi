@@ -56,9 +56,11 @@ from .places import cirs_to_gcrs as cirs_to_gcrs
 from .places import earth_velocity_km_s as earth_velocity_km_s
 from .places import geo_belt_declination_deg as geo_belt_declination_deg
 from .places import geo_slot_direction_deg as geo_slot_direction_deg
+from .places import ground_distance_km as ground_distance_km
 from .places import itrf_to_gcrs_rotation as itrf_to_gcrs_rotation
 from .places import line_of_sight_gcrs as line_of_sight_gcrs
 from .places import site_gcrs as site_gcrs
+from .places import site_of_itrs_m as site_of_itrs_m
 from .places import sun_gcrs_km as sun_gcrs_km
 from .places import teme_to_gcrs_rotation as teme_to_gcrs_rotation
 from .places import zenith_gcrs as zenith_gcrs

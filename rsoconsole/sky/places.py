@@ -13,7 +13,7 @@ import erfa
 import numpy as np
 
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky.angles import direction_to_unit, unit_to_direction
+from rsoconsole.sky.angles import direction_to_unit, separation_deg, unit_to_direction
 from rsoconsole.sky.times import ARCSEC_RAD, IntArray, TimeLike, earth_orientation, jd_tt, jd_ut1
 from rsoconsole.words import NS_PER_S
 
@@ -27,6 +27,24 @@ _KNOT_NS = 3600 * NS_PER_S
 
 PositionOf = Callable[[IntArray], tuple[FloatArray, FloatArray]]
 """Function of instants (N,), UTC ns, to GCRS position (N, 3) km and velocity (N, 3) km/s."""
+
+
+def site_of_itrs_m(x_m: float, y_m: float, z_m: float) -> Site:
+    """Return the place (WGS84) at geocentric coordinates in the Earth's frame, ITRS, m."""
+    longitude, latitude, elevation_m = erfa.gc2gd(1, np.array([x_m, y_m, z_m]))
+    return Site(
+        latitude_deg=math.degrees(latitude),
+        longitude_deg=math.degrees(longitude),
+        elevation_m=float(elevation_m),
+    )
+
+
+def ground_distance_km(one: Site, other: Site) -> float:
+    """Return the distance of two places along the ground, km, good to 0.5 %."""
+    apart_deg = separation_deg(
+        one.longitude_deg, one.latitude_deg, other.longitude_deg, other.latitude_deg
+    )
+    return math.radians(apart_deg) * EARTH_RADIUS_KM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

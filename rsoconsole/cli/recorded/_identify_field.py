@@ -1,6 +1,7 @@
 """``identify --field``: the objects that are in frames."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,18 @@ from rsoconsole.cli.words.batch_options import ProgressBar
 from rsoconsole.cli.words.ledger_words import report_moved_ledger
 from rsoconsole.cli.words.options import read_element_sets
 from rsoconsole.cli.words.standard_input import InputFiles
-from rsoconsole.config import effective_settings, load_config
+from rsoconsole.config import load_config
 from rsoconsole.orbits import Identification
 from rsoconsole.pipeline import (
     MIN_TRACKS,
     FieldFrame,
+    FrameSite,
     ObservedTrack,
     Past,
     PlateMode,
     keep_tracks,
     longest_arc,
+    site_of_frames,
 )
 from rsoconsole.records import LedgerName
 from rsoconsole.session import SessionReader, damage_words, ledger_path, read_ledger
@@ -54,8 +57,10 @@ def identify_field(
     )
 
     config = load_config(config_path)
-    _expect_site(config_path)
     paths, tle = files.paths[:frame_count], files.paths[frame_count:]
+    place = site_of_frames(paths, config, extension=extension)
+    _expect_site(place)
+    config = place.config
     run = CatalogueMatcher(config, read_element_sets(tle or list(config.catalogue.tle_files)))
     read: list[tuple[str, FieldFrame]] = []
     with open_field_reader(config, plate) as reader:
@@ -64,7 +69,9 @@ def identify_field(
             for image in read_frames(path, number, extension=extension):
                 label, shown = image.header.get(EXTENSION_KEY), files.name(path)
                 name = f"{shown}[{label}]" if label else shown
-                read.append((name, reader.read(image)))
+                found = reader.read(image)
+                notes = (*found.notes, *place.notes(image))
+                read.append((name, replace(found, notes=notes)))
 
         failures = run_on_each_frame(files, paths, json_, work)
     read.sort(key=lambda each: each[1].t_mid_utc_ns)
@@ -74,7 +81,11 @@ def identify_field(
     said: set[str] = set()
     errors, regimes = errors_report(config.catalogue), set[str]()
     for name, frame in read:
-        found = {**frame_report(name, run.match_frame(frame), named), "element_errors": errors}
+        found = {
+            **frame_report(name, run.match_frame(frame), named),
+            "site": place.report,
+            "element_errors": errors,
+        }
         regimes |= {each["regime"] for each in found["crossed"]}
         output.print_answer(json_, found, frame_lines)
         print_new_notes(found["frame"], found["notes"], said)
@@ -86,18 +97,14 @@ def identify_field(
     output.exit_if(failures)
 
 
-def _expect_site(config_path: Path | None) -> None:
-    """Raises ConfigError without a configured site: the default one would name wrong objects."""
-    wanted = ("site.latitude_deg", "site.longitude_deg")
-    missing = [
-        each.name
-        for each in effective_settings(config_path)
-        if each.name in wanted and each.origin == "default"
-    ]
-    if missing:
+def _expect_site(place: FrameSite) -> None:
+    """Raises ConfigError without a site: the default one would name wrong objects."""
+    if place.source == "default":
         raise ConfigError(
-            f"the configuration sets no site ({', '.join(missing)}): where the frames were taken"
-            " decides what crossed them; set latitude, longitude (east positive) and elevation"
+            "neither the configuration nor the header of a first frame sets a site"
+            " (site.latitude_deg, site.longitude_deg; SITELAT, SITELONG): where the frames were"
+            " taken decides what crossed them; set latitude, longitude (east positive) and"
+            " elevation"
         )
 
 

@@ -252,11 +252,19 @@ def process(
 def _process_frames(
     files: InputFiles, session: Path | None, settings: Config, extension: str | None, json_: bool
 ) -> None:
-    from rsoconsole.pipeline import ProcessedFrame, open_reducer, process_files, process_report
+    from rsoconsole.pipeline import (
+        ProcessedFrame,
+        open_reducer,
+        process_files,
+        process_report,
+        site_of_frames,
+    )
     from rsoconsole.session import BatchRecording
 
     failures = 0
     noted: set[str] = set()
+    place = site_of_frames(files.paths, settings, extension=extension)
+    settings = place.config
     with (
         open_reducer(settings) as (reducer, model_sha256),
         progress_bar("frames", len(files.paths)) as bar,
@@ -271,7 +279,7 @@ def _process_frames(
                         report_error(files, *result, json_)
                     continue
                 recording.append(result.records, result.t_mid_utc_ns)
-                found = process_report(files.name(result.path), result)
+                found = process_report(files.name(result.path), result, place)
                 with bar.hide_while_printing():
                     output.print_answer(json_, found, _process_words)
                     print_new_notes(_name(found), found["notes"], noted)
@@ -387,7 +395,9 @@ def _process_words(found: dict[str, Any]) -> str:
     if measurement is None:
         solution = found["solution"]
         reason = "nothing detected" if not found["detections"] else "not measured"
-        words.append(reason if solution is None or solution["solved"] else solution["reason"])
+        reason = reason if solution is None or solution["solved"] else solution["reason"]
+        no_time = found["no_time"]
+        words.append(reason if no_time is None else f"{reason}: no time of exposure: {no_time}")
     else:
         words.append(direction(measurement["ra"], measurement["dec"], "bare"))
         words.append(

@@ -247,7 +247,12 @@ def _readable(hdus: Any) -> Iterator[Any]:
 
 
 def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
-    """Merge cards as plain values; an image's own cards win over the primary header's."""
+    """Merge cards as plain values; an image's own cards win over the primary header's.
+
+    A value that is no FITS value, such as 10,5 or a text without quotes, is kept as text.
+    """
+    from astropy.io.fits import VerifyError
+
     merged: dict[str, Any] = {}
     for header in (primary, own):
         for card in header.cards:
@@ -255,8 +260,16 @@ def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
                 continue
             try:
                 value = card.value
+            except VerifyError:
+                value = _unparsed_value(str(card.image))
             except (ValueError, OSError):
                 continue
             if isinstance(value, bool | int | float | str):
                 merged[card.keyword] = value
     return merged
+
+
+def _unparsed_value(image: str) -> str:
+    """Value of a card as it stands there, without its comment and unpaired quotes."""
+    _, _, stated = image[:_CARD].partition("=")
+    return stated.partition(" /")[0].strip().strip("'").strip()

@@ -367,7 +367,8 @@ class _TimeReader:
         )
 
     def _note_dateless(self, key: str, day: int) -> None:
-        words = f"{key} {shown_value(self.cards.value(key))} names no time of day, nor does TIME-OBS or UT"
+        value = shown_value(self.cards.value(key))
+        words = f"{key} {value} names no time of day, nor does TIME-OBS or UT"
         self._dateless.append((words, day))
 
     def _refuse(self, key: str, why: str) -> None:
@@ -388,7 +389,8 @@ def _seconds_before(moment: Moment, length_s: float | None) -> float | None:
 
 def _numeric_times(value: object) -> list[TimeOfDay]:
     """Times of day that a plain number may be: hours, seconds since midnight, or hhmmss."""
-    written = written_number(value)
+    is_packed_text = isinstance(value, str) and re.match(r"\s*[0-9]{6}", value) is not None
+    written = None if is_packed_text else written_number(value)
     if written is None or not 0 <= written.value < _MAX_HHMMSS:
         return []
     number = written.value

@@ -34,6 +34,7 @@ from rsoconsole.pipeline.batch.batch_pool import (
     process_files,
     run_tasks,
 )
+from rsoconsole.pipeline.frame.frame_site import site_of_frames
 from rsoconsole.pipeline.frame.reduce import open_reducer
 from rsoconsole.pipeline.replays.branches import new_branch_folder, save_branch
 from rsoconsole.pipeline.replays.what_if_log import RerunCounts, what_if_session
@@ -213,11 +214,12 @@ def _processed(night: BatchNight) -> NightOutcome:
 
 
 def _record(night: BatchNight, folder: Path, identity: dict[str, Any]) -> None:
+    place = site_of_frames([path for _, path in night.frames], night.config)
     one_thread = night.config.detector.model_copy(update={"threads": 1})
-    config = night.config.model_copy(update={"detector": one_thread})
+    config = place.config.model_copy(update={"detector": one_thread})
     with open_reducer(config) as (reducer, sha256):
         recording = BatchRecording(
-            folder, night.config, sha256, title=night.session.name, batch=identity
+            folder, place.config, sha256, title=night.session.name, batch=identity
         )
         is_usable, first_error = False, ""
         numbers, paths = zip(*night.frames, strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rsoconsole.base import FrameError, SolverError
 from rsoconsole.config import Config
-from rsoconsole.instruments import PlateSolver
+from rsoconsole.instruments import PlateSolver, exposure_time
 from rsoconsole.orbits import (
     Candidate,
     CatalogueEntry,
@@ -162,8 +162,8 @@ class FieldReader:
         t_mid_utc_ns = mid_exposure_utc_ns(frame, self._config.exposure)
         if t_mid_utc_ns is None or frame.exposure_s is None:
             raise FrameError(
-                f"{frame.name}: no time of exposure: DATE-OBS (UTC) and EXPTIME are needed in the"
-                " header to know what crossed"
+                f"{frame.name}: no time of exposure: {exposure_time(frame.header).fault}; what"
+                " crossed is found by start and exposure time alone"
             )
         even, _ = self._calibration.prepare(frame)
         stars = find_stars(even.pixels, max_stars=1500, saturation_adu=even.saturation_adu)

@@ -7,9 +7,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from rsoconsole.instruments import EXTENSION_KEY
+from rsoconsole.instruments import EXTENSION_KEY, exposure_time
 from rsoconsole.night import predicted_sigma_arcsec
 from rsoconsole.pipeline.batch.batch_pool import ProcessedFrame
+from rsoconsole.pipeline.frame.frame_site import FrameSite
 from rsoconsole.pipeline.frame.hints import WrongHint
 from rsoconsole.pipeline.frame.reduce import Reduction
 from rsoconsole.records import (
@@ -149,8 +150,11 @@ def prediction_report(track: TrackState) -> dict[str, Any]:
     }
 
 
-def process_report(name: str, processed: ProcessedFrame) -> dict[str, Any]:
-    """Return the JSON object of ``rsoconsole process`` for one frame: one cycle of Algorithm 1."""
+def process_report(name: str, processed: ProcessedFrame, place: FrameSite) -> dict[str, Any]:
+    """Return the JSON object of ``rsoconsole process`` for one frame: one cycle of Algorithm 1.
+
+    ``place``: the site in force.
+    """
     frame, reduction, after = processed.frame, processed.reduction, processed.after
     found = detections_report(name, reduction.detections)
     states = [r for r in processed.records if isinstance(r, TrackState)]
@@ -173,7 +177,9 @@ def process_report(name: str, processed: ProcessedFrame) -> dict[str, Any]:
         "nis": None if updated is None else updated.nis,
         "predicted": None if predicted is None else prediction_report(predicted),
         "extension": frame.header.get(EXTENSION_KEY),
-        "notes": [each.words for each in reduction.cautions],
+        "no_time": None if t_mid_ns is not None else exposure_time(frame.header).fault,
+        "site": place.report,
+        "notes": [*(each.words for each in reduction.cautions), *place.notes(frame)],
     }
 
 

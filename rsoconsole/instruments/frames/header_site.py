@@ -1,0 +1,144 @@
+"""Where a frame was taken, by its header.
+
+Longitudes are east positive (FITS standard 4.0, OBSGEO-L; IAU) unless the value has a W; 180 to 360
+is east. OBJCTALT, ALTITUDE and their like are not read: an altitude is no elevation.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rsoconsole.instruments.frames.header_cards import METRES, Cards, written_number
+from rsoconsole.records import Site
+from rsoconsole.sky import ground_distance_km, parse_sexagesimal, site_of_itrs_m, wrap_180
+
+SAME_PLACE_KM = 1.0
+"""Distance up to which two places count as the same: rounded to the arcminute they differ by it."""
+_ELEVATION_M = (-430.0, 9000.0)
+_PLACES: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
+    ("SITELAT", ("SITELONG", "SITELON"), ("SITEELEV", "SITEALT")),
+    ("OBSGEO-B", ("OBSGEO-L",), ("OBSGEO-H",)),
+    ("LAT-OBS", ("LONG-OBS", "LON-OBS"), ("ALT-OBS", "ELEV-OBS")),
+    ("OBSLAT", ("OBSLONG", "OBSLON"), ("OBSELEV",)),
+    ("OBS-LAT", ("OBS-LONG", "OBS-LON"), ("OBS-ELEV",)),
+    ("OBS_LAT", ("OBS_LONG", "OBS_LON"), ("OBS_ELEV",)),
+    ("GEOLAT", ("GEOLON", "GEOLONG"), ("GEOELEV",)),
+    ("LATITUDE", ("LONGITUD", "LONGITUDE", "LONGITDE"), ("ELEVATIO", "ELEVATION", "HEIGHT")),
+    ("GPS_LAT", ("GPS_LON", "GPS_LONG"), ("GPS_ALT",)),
+)
+"""Keys of latitude, longitude and elevation, the most trusted first."""
+_GEOCENTRIC = ("OBSGEO-X", "OBSGEO-Y", "OBSGEO-Z")
+_HEMISPHERE = re.compile(r"([NSEW])?\s*(.*?)\s*([NSEW])?", re.IGNORECASE)
+_SECONDS_MARK = re.compile(r".*m\s*[0-9.]+s", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeaderSite:
+    """The place that a header states."""
+
+    site: Site | None
+    """None where it states none, or none that can be."""
+    words: str
+    """Its cards, and what they lack."""
+    notes: tuple[str, ...]
+    """Sentences on values that are not used."""
+
+
+def header_site(header: Mapping[str, Any]) -> HeaderSite:
+    """Return the place where a frame was taken, by its header."""
+    cards = Cards(header)
+    found = list(_sites(cards))
+    if not found:
+        return HeaderSite(site=None, words="", notes=tuple(cards.notes))
+    words, site = found[0]
+    for other_words, other in found[1:]:
+        apart_km = ground_distance_km(site, other)
+        if apart_km > SAME_PLACE_KM:
+            cards.note(f"{other_words} are {apart_km:.0f} km from {words}: these are used")
+    return HeaderSite(site=site, words=words, notes=tuple(cards.notes))
+
+
+def _sites(cards: Cards) -> Iterator[tuple[str, Site]]:
+    for lat_key, lon_keys, elevation_keys in _PLACES:
+        lon_key = next((key for key in lon_keys if cards.value(key) is not None), lon_keys[0])
+        stated = [key for key in (lat_key, lon_key) if cards.value(key) is not None]
+        if len(stated) == 1:
+            cards.not_used(stated[0], f"there is no {lon_key if stated[0] == lat_key else lat_key}")
+        if len(stated) < 2:
+            continue
+        latitude_deg = _angle_deg(cards, lat_key, "a latitude of -90 to 90 deg", "NS", 90.0)
+        longitude_deg = _angle_deg(cards, lon_key, "a longitude of -180 to 360 deg", "EW", 360.0)
+        if latitude_deg is None or longitude_deg is None:
+            continue
+        if latitude_deg == 0.0 and longitude_deg == 0.0:
+            cards.note(f"{lat_key} and {lon_key} are both 0 and not used: no site is set there")
+            continue
+        elevation_m = next(
+            (each for key in elevation_keys if (each := _elevation_m(cards, key)) is not None), None
+        )
+        words = f"{lat_key} and {lon_key}"
+        yield (
+            words if elevation_m is not None else f"{words} (no elevation: 0 m)",
+            Site(
+                latitude_deg=latitude_deg,
+                longitude_deg=wrap_180(longitude_deg),
+                elevation_m=elevation_m or 0.0,
+            ),
+        )
+    yield from _geocentric(cards)
+
+
+def _elevation_m(cards: Cards, key: str) -> float | None:
+    return cards.number(key, "an elevation of -430 to 9000 m", *_ELEVATION_M, units=METRES)
+
+
+def _geocentric(cards: Cards) -> Iterator[tuple[str, Site]]:
+    """Place by its coordinates in the frame of the Earth (ITRS)."""
+    if all(cards.value(key) is None for key in _GEOCENTRIC):
+        return
+    place_m = [cards.number(key, "a coordinate in m", units=METRES) for key in _GEOCENTRIC]
+    x_m, y_m, z_m = (0.0 if each is None else each for each in place_m)
+    site = site_of_itrs_m(x_m, y_m, z_m)
+    if None in place_m or not _ELEVATION_M[0] <= site.elevation_m <= _ELEVATION_M[1]:
+        cards.note("OBSGEO-X, OBSGEO-Y and OBSGEO-Z are no place on the ground and not used")
+        return
+    yield "OBSGEO-X, OBSGEO-Y and OBSGEO-Z", site
+
+
+def _angle_deg(
+    cards: Cards, key: str, what: str, hemispheres: str, limit_deg: float
+) -> float | None:
+    """Degrees of a latitude or longitude: a number, sexagesimal text, with N, S, E or W."""
+    value = cards.value(key)
+    number = written_number(value)
+    angle_deg = None if number is None else float(number.value)
+    if isinstance(value, str) and number is None:
+        angle_deg = _spelt_angle_deg(value.strip().replace(",", "."), hemispheres)
+    lowest_deg = -180.0 if limit_deg > 180.0 else -limit_deg
+    if angle_deg is None or not lowest_deg <= angle_deg <= limit_deg:
+        cards.not_used(key, f"it is not {what}")
+        return None
+    return angle_deg
+
+
+def _spelt_angle_deg(text: str, hemispheres: str) -> float | None:
+    letter = ""
+    if not _SECONDS_MARK.fullmatch(text):
+        parts = _HEMISPHERE.fullmatch(text)
+        if parts is not None and (parts[1] is None or parts[3] is None):
+            letter, text = (parts[1] or parts[3] or "").upper(), parts[2]
+    if (letter and letter not in hemispheres) or "h" in text.lower():
+        return None
+    try:
+        angle_deg = parse_sexagesimal(text)
+    except ValueError:
+        return None
+    if letter in ("S", "W"):
+        return -abs(angle_deg)
+    return None if letter and angle_deg < 0.0 else angle_deg
+
+
+def site_words(site: Site) -> str:
+    """Return a place in words: latitude, longitude, elevation."""
+    return f"{site.latitude_deg:.4f} {site.longitude_deg:+.4f} deg, {site.elevation_m:.0f} m"
