@@ -9,7 +9,12 @@ from .frames.frame_files import read_frame as read_frame
 from .frames.frame_files import read_frames as read_frames
 from .frames.frame_header import EXTENSION_KEY as EXTENSION_KEY
 from .frames.frame_header import NOTES_KEY as NOTES_KEY
+from .frames.frame_header import POSITION_KEYS as POSITION_KEYS
 from .frames.frame_header import camera_mode as camera_mode
+from .frames.frame_header import focal_length_mm as focal_length_mm
+from .frames.frame_header import header_number as header_number
+from .frames.frame_header import pixel_size as pixel_size
+from .frames.frame_header import position_of as position_of
 from .frames.frame_header import sensor_temperature_c as sensor_temperature_c
 from .frames.header_site import SAME_PLACE_KM as SAME_PLACE_KM
 from .frames.header_site import HeaderSite as HeaderSite

@@ -21,6 +21,8 @@ EXTENSION_KEY = "EXTENSION"
 ABSOLUTE_ZERO_C = -273.15
 POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
 """Possible plate scales, arcsec/px; a scale beyond them is an error of the header."""
+_METRES_BELOW, _MILLIMETRES_BELOW = 15.0, 0.2
+"""Focal length, mm, and size of a pixel, um, below which the number is in a larger unit."""
 POSITION_KEYS = (("RA", "DEC"), ("OBJCTRA", "OBJCTDEC"))
 """Keys of the pointing, the most trusted first."""
 
@@ -100,12 +102,21 @@ def plate_scale_arcsec_px(header: Mapping[str, Any]) -> float | None:
 
 def impossible_scale_note(header: Mapping[str, Any]) -> str | None:
     """Return a note on an impossible plate scale; None where it is possible or not stated."""
-    stated = _stated_scale(Cards(header))
-    if stated is None or plate_scale_arcsec_px(header) is not None:
+    cards = Cards(header)
+    stated, focal_mm, pixel = _stated_scale(cards), _focal_length_mm(cards), _pixel_size(cards)
+    if stated is None or focal_mm is None or pixel is None:
         return None
+    if plate_scale_arcsec_px(header) is not None:
+        return None
+    key, pixel_um = pixel
+    remedy = "set the telescope's focal length, in mm, in the camera's driver"
+    if focal_mm < _METRES_BELOW:
+        remedy = "FOCALLEN looks like metres, mm are wanted"
+    elif pixel_um < _MILLIMETRES_BELOW:
+        remedy = f"{key} looks like mm, um are wanted"
     return (
-        f"FOCALLEN {focal_length_mm(header):g} mm would be {stated:.4g} arcsec/px: it is not used;"
-        " set the telescope's focal length, in mm, in the camera's driver"
+        f"FOCALLEN {focal_mm:g} mm and {key} {pixel_um:g} um would be {stated:.4g} arcsec/px: not"
+        f" used; {remedy}"
     )
 
 
@@ -120,22 +131,33 @@ def _focal_length_mm(cards: Cards) -> float | None:
     return cards.number("FOCALLEN", "a focal length in mm", 1e-6, 1e9, units=MILLIMETRES)
 
 
+def pixel_size(header: Mapping[str, Any]) -> tuple[str, float] | None:
+    """Return the size of a pixel as the header states it, um, and its key; None without one."""
+    return _pixel_size(Cards(header))
+
+
+def header_number(header: Mapping[str, Any], key: str) -> float | None:
+    """Return the number in a card; None where there is none."""
+    return Cards(header).number(key, "a number")
+
+
 def _stated_scale(cards: Cards) -> float | None:
     focal_mm = _focal_length_mm(cards)
-    pixel_um = _pixel_um(cards)
-    if focal_mm is None or pixel_um is None:
+    pixel = _pixel_size(cards)
+    if focal_mm is None or pixel is None:
         return None
-    return 206.264806 * pixel_um / focal_mm
+    key, pixel_um = pixel
+    binning = 1 if key == "XPIXSZ" else _binning(cards, "XBINNING") or 1
+    return 206.264806 * pixel_um * binning / focal_mm
 
 
-def _pixel_um(cards: Cards) -> float | None:
-    """Size of a pixel after binning, um."""
+def _pixel_size(cards: Cards) -> tuple[str, float] | None:
     for key in ("XPIXSZ", "PIXSIZE1"):
         if cards.value(key) == 0:
             continue
         pixel_um = cards.number(key, "the size of a pixel in um", 1e-6, 1e9, units=MICROMETRES)
         if pixel_um is not None:
-            return pixel_um * (1.0 if key == "XPIXSZ" else _binning(cards, "XBINNING") or 1)
+            return key, pixel_um
     return None
 
 
@@ -146,6 +168,12 @@ def pointing_deg(header: Mapping[str, Any]) -> tuple[float | None, float | None]
     impossible.
     """
     return _pointing_deg(Cards(header))
+
+
+def position_of(header: Mapping[str, Any], keys: tuple[str, str]) -> tuple[float, float] | None:
+    """Return the position (RA, Dec), degrees, in a pair of ``POSITION_KEYS``; None without one."""
+    ra_deg, dec_deg = (_angle_deg(Cards(header), key, "") for key in keys)
+    return None if ra_deg is None or dec_deg is None else (ra_deg % 360.0, dec_deg)
 
 
 def _pointing_deg(cards: Cards) -> tuple[float | None, float | None]:

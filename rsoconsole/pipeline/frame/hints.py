@@ -6,9 +6,14 @@ from typing import Literal
 
 from rsoconsole.config import Config
 from rsoconsole.instruments import SolveHint
+from rsoconsole.pipeline.frame.hint_causes import (
+    likely_scale_factors,
+    position_causes,
+    position_remedy,
+    scale_remedy,
+)
 from rsoconsole.records import Frame, Solution
 from rsoconsole.sky import separation_deg
-from rsoconsole.words import ALIGN
 
 _ROUNDING = 2e-3
 """Tolerance of a scale, which may be written with three digits."""
@@ -72,6 +77,36 @@ def relaxed_hints(hint: SolveHint) -> tuple[SolveHint, ...]:
     return tuple(each for each in dict.fromkeys(weaker) if each != hint)
 
 
+def likely_hints(hint: SolveHint, frame: Frame, config: Config) -> tuple[SolveHint, ...]:
+    """Return the hints that the header means where it is written in a frequent wrong form.
+
+    Each corrects the scale, the position or both; none for what is not the header's own.
+    """
+    own = header_hint(frame, config)
+    scales, places = [hint], [hint]
+    if hint.scale_low_arcsec_px is not None and hint.scale_arcsec_px == own.scale_arcsec_px:
+        scales += [rescaled_hint(hint, factor) for factor in likely_scale_factors(frame)]
+    if hint.position_deg is not None and hint.position_deg[:2] == (
+        own.ra_icrs_deg,
+        own.dec_icrs_deg,
+    ):
+        places += [
+            replace(hint, ra_icrs_deg=each.ra_icrs_deg, dec_icrs_deg=each.dec_icrs_deg)
+            for each in position_causes(frame)
+            if each.is_frequent
+        ]
+    both = [
+        replace(
+            place,
+            scale_low_arcsec_px=scale.scale_low_arcsec_px,
+            scale_high_arcsec_px=scale.scale_high_arcsec_px,
+        )
+        for place in places
+        for scale in scales
+    ]
+    return tuple(each for each in dict.fromkeys(both) if each != hint)
+
+
 def wrong_hints(
     hint: SolveHint, solution: Solution, frame: Frame, config: Config
 ) -> tuple[WrongHint, ...]:
@@ -99,18 +134,13 @@ def _wrong_scale(
     # Binned frames have fewer and larger pixels.
     configured = optics.scale_arcsec_px * optics.width_px / frame.width_px
     is_configured = abs(hinted / configured - 1.0) < config.solver.scale_tolerance
-    focal_length = frame.header.get("FOCALLEN")
-    remedy = ""
-    if isinstance(focal_length, int | float) and focal_length > 0:
-        setting = "the camera's driver" + (" and optics.focal_length_mm" if is_configured else "")
-        remedy = (
-            f"; FOCALLEN says {focal_length:g} mm, it should be"
-            f" {focal_length * hinted / found:.4g}: set it in {setting}"
-        )
+    setting = "the camera's driver" + (" and optics.focal_length_mm" if is_configured else "")
+    remedy = scale_remedy(frame, found / hinted, setting)
     whose = "configured scale" if is_configured else "header's scale"
     yield WrongHint(
         hint="scale",
-        words=f"the {whose} {hinted:.4g} arcsec/px is wrong: the stars say {found:.4g}{remedy}",
+        words=f"the {whose} {hinted:.4g} arcsec/px is wrong: the stars say {found:.4g}"
+        + (f"; {remedy}" if remedy else ""),
     )
 
 
@@ -127,5 +157,6 @@ def _wrong_position(hint: SolveHint, solution: Solution, frame: Frame) -> Iterat
         hint="position",
         words=f"the {whose} position RA {ra_deg:.3f} Dec {dec_deg:+.3f} is wrong: the stars say"
         f" RA {solution.ra_icrs_deg:.3f} Dec {solution.dec_icrs_deg:+.3f}, {away_deg:.1f} deg"
-        f" away ({radius_deg:g} at most)" + (f"; {ALIGN}" if whose == "header's" else ""),
+        f" away ({radius_deg:g} at most)"
+        + (f"; {position_remedy(frame, solution, radius_deg)}" if whose == "header's" else ""),
     )

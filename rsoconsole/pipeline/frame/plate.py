@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from rsoconsole.base import SolverError
 from rsoconsole.config import Config
 from rsoconsole.instruments import MIN_STARS, PlateSolver, SolveHint
-from rsoconsole.pipeline.frame.hints import header_hint, relaxed_hints, rescaled_hint
+from rsoconsole.pipeline.frame.hints import header_hint, likely_hints, relaxed_hints, rescaled_hint
 from rsoconsole.records import Detection, Detections, Frame, NotSolved, Solution, Wcs
 from rsoconsole.sky import wrap_180
 from rsoconsole.vision import StarList
@@ -213,7 +213,10 @@ class PlateFinder(FixedPlateSource):
     def solve_in_full(
         self, frame: Frame, stars: StarList, hint: SolveHint, *, is_relaxed: bool = True
     ) -> Solution | NotSolved:
-        """Solve a frame by its hint, then by weaker hints in the time left before the deadline.
+        """Solve a frame by its hint, then by others in the time left before the deadline.
+
+        The others are what the header means where it is written in a frequent wrong form, then
+        weaker ones.
 
         ``is_relaxed``: whether weaker hints are allowed. The deadline is
         ``solver.blind_deadline_s`` where they are and ``hint`` has no position, else
@@ -225,7 +228,9 @@ class PlateFinder(FixedPlateSource):
         deadline_s = settings.blind_deadline_s if is_blind else settings.deadline_s
         end_s = started_s + deadline_s
         first = found = self._attempt(frame, stars, hint, deadline_s)
-        weaker = relaxed_hints(hint) if is_relaxed and len(stars) >= MIN_STARS else ()
+        weaker: tuple[SolveHint, ...] = ()
+        if is_relaxed and len(stars) >= MIN_STARS:
+            weaker = (*likely_hints(hint, frame, self._config), *relaxed_hints(hint))
         attempts = 0
         for number, less in enumerate(weaker):
             left_s = end_s - time.monotonic()
