@@ -1,6 +1,5 @@
 from .camera.camera import ARRIVED_KEY as ARRIVED_KEY
 from .clock_watch import MIN_STEP_S as MIN_STEP_S
-from .frames.exposure_time import ExposureTime as ExposureTime
 from .frames.exposure_time import exposure_s as exposure_s
 from .frames.exposure_time import exposure_time as exposure_time
 from .frames.frame_files import frame_from_array as frame_from_array

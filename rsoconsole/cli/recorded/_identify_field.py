@@ -101,10 +101,9 @@ def _expect_site(place: FrameSite) -> None:
     """Raises ConfigError without a site: the default one would name wrong objects."""
     if place.source == "default":
         raise ConfigError(
-            "neither the configuration nor the header of a first frame sets a site"
-            " (site.latitude_deg, site.longitude_deg; SITELAT, SITELONG): where the frames were"
-            " taken decides what crossed them; set latitude, longitude (east positive) and"
-            " elevation"
+            "the configuration sets no site (site.latitude_deg, site.longitude_deg), nor do the"
+            " headers of the first frames (SITELAT, SITELONG): where they were taken decides what"
+            " crossed them; set latitude, longitude (east positive) and elevation"
         )
 
 

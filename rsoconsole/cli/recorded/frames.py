@@ -61,7 +61,8 @@ def _say(outcome: "NightOutcome", json_: bool) -> None:
 
 
 _AS_IT_IS = (
-    *("frames", "unreadable", "detections", "measurements", "misses", "locked_after_frames"),
+    *("frames", "unreadable", "detections", "measurements", "misses", "without_time"),
+    "locked_after_frames",
 )
 """Keys of the report that are copied from the outcome."""
 
@@ -82,10 +83,12 @@ def _night_words(outcome: "NightOutcome") -> str:
         return f"{outcome.source.name}: failed"
     locked = outcome.locked_after_frames
     followed = "nothing locked" if locked is None else f"locked after frame {locked}"
+    timeless = outcome.without_time
+    no_time = f", {timeless} without a time of exposure" if timeless else ""
     already = ", done already" if outcome.state == "skipped" else ""
     return (
         f"{outcome.source.name}: {outcome.frames} frames, {outcome.measurements} measurements,"
-        f" {followed}, {outcome.misses} missed{already}  {outcome.session}"
+        f" {followed}, {outcome.misses} missed{no_time}{already}  {outcome.session}"
     )
 
 

@@ -105,7 +105,8 @@ def identify(
     age and kind of orbit until 'calibrate-elements' has measured it on your
     nights; the last line says which holds. Low objects are sought at least a minute
     along their path, and no elements more than 60 days from the frame are used.
-    The frames need DATE-OBS (UTC) and EXPTIME, the configuration your site.
+    The frames need a start and an exposure time, and configuration or header the
+    site.
 
     Example: rsoconsole identify --field night/*.fits --tle catalogue.tle
     """

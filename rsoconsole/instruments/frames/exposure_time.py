@@ -1,8 +1,8 @@
 """When a frame was exposed and for how long, from any of the cards that say so.
 
 Start, in order of trust: the camera's GPS receiver, DATE-OBS, DATE-BEG, MJD-OBS, MJD-BEG, DATE-AVG,
-MJD-AVG, DATE-END, MJD-END, JD. Of those that agree with the first one, the one that is written most
-finely is used; those that do not are notes. Source: FITS standard 4.0, chapter 9.
+MJD-AVG, DATE-END, MJD-END, JD. Of those that agree with the first, the one written most finely is
+used; those that disagree are notes. Source: FITS standard 4.0, chapter 9.
 """
 
 import contextlib

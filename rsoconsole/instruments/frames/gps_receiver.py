@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from rsoconsole.instruments.frames.header_cards import Cards, shown_value
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
 
@@ -24,11 +25,11 @@ def gps_time(
     """
     start_ns = _instant(header, "GPS_SUTC", "GPS_ST", "GPS_SU")
     if start_ns is None:
-        return None, None
+        return None, _unread(header)
     for key in ("GPS_SFLG", "GPS_EFLG"):
         flag = header.get(key)
         if isinstance(flag, int) and (flag >> 4 if flag > 15 else flag) != LOCKED:
-            return _not_used(f"its receiver was not locked ({key} is {flag})")
+            return _not_used(f"its receiver was not locked ({key} is {shown_value(flag)})")
     if header_start_utc_ns is not None:
         off_s = (start_ns - header_start_utc_ns) / NS_PER_S
         if abs(off_s) > _FARTHEST_S:
@@ -44,6 +45,15 @@ def gps_time(
 
 def _not_used(why: str) -> tuple[None, str]:
     return None, f"the time by the camera's GPS is not used, DATE-OBS is: {why}"
+
+
+def _unread(header: Mapping[str, Any]) -> str | None:
+    """Reason why a receiver's time that the header states is not used; None without one."""
+    cards = Cards(header)
+    stated = [key for key in ("GPS_SUTC", "GPS_ST") if cards.value(key) is not None]
+    return (
+        _not_used(f"{stated[0]} {shown_value(header[stated[0]])} is no time")[1] if stated else None
+    )
 
 
 def _instant(header: Mapping[str, Any], whole: str, second: str, micro: str) -> int | None:

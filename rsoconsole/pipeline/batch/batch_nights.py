@@ -74,6 +74,8 @@ class NightOutcome:
     detections: int = 0
     measurements: int = 0
     misses: int = 0
+    without_time: int = 0
+    """Number of frames without a time of exposure, which measure nothing."""
     locked_after_frames: int | None = None
     last_state: str | None = None
     error: str | None = None
@@ -242,7 +244,7 @@ def _record(night: BatchNight, folder: Path, identity: dict[str, Any]) -> None:
 
 def _outcome(night: BatchNight, state: State) -> NightOutcome:
     reader = SessionReader(night.session)
-    frames = detections = measurements = misses = 0
+    frames = detections = measurements = misses = timeless = 0
     locked: int | None = None
     last = "SEARCH"
     unreadable = []
@@ -253,6 +255,7 @@ def _outcome(night: BatchNight, state: State) -> NightOutcome:
         match record:
             case FrameTaken():
                 frames += 1
+                timeless += record.t_start_utc_ns is None or record.exposure_s is None
             case Detections():
                 detections += len(record.detections)
             case Measurement():
@@ -274,6 +277,7 @@ def _outcome(night: BatchNight, state: State) -> NightOutcome:
         detections=detections,
         measurements=measurements,
         misses=misses,
+        without_time=timeless,
         locked_after_frames=locked,
         last_state=last,
     )
