@@ -257,6 +257,7 @@ def test_local_time_with_its_offset_is_no_riddle():
             {"MJD-OBS": (START + 3600 * ONE_S).mjd},
             "MJD-OBS 2023-06-23T06:31:30.300Z, 3600.0 s later",
         ),
+        ({"MJD-OBS": 60118.3}, "6029.7 s later"),
         ({"DATE-BEG": "2023-06-23T05:31:29.300"}, "1.0 s earlier"),
         ({"DATE-AVG": BEGAN}, "DATE-AVG less half of the exposure"),
         ({"DATE-END": (END + 3 * ONE_S).isot}, "3.0 s later"),

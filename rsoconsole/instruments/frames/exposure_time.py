@@ -79,10 +79,10 @@ _TOLERANCE_NS = NS_PER_S // 10
 Programs stamp order and shutter some hundredths of a second apart; at 15 arcsec/s a tenth moves a
 geostationary satellite by 1.5 arcsec.
 """
+_MAX_SLACK_NS = NS_PER_DAY // 10_000
+"""Rounding of a count of days that is believed: a number has lost the zeros at its end."""
 _COARSE_NS = NS_PER_S
 """Step of the last digit beyond which the time is noted as coarse."""
-_DATE_ALONE_NS = NS_PER_DAY // 10
-"""Step of the last digit from which a count of days is a date: 2460118.5 is midnight."""
 _MUCH_FINER = 10
 _MAX_HHMMSS = 240_000
 
@@ -107,6 +107,9 @@ class _Instant:
     words: str
     utc_ns: int
     step_ns: int
+    """One unit of the last digit."""
+    slack_ns: int
+    """Difference from another time that the rounding explains."""
     moment: Moment
 
 
@@ -236,7 +239,7 @@ class _TimeReader:
         chosen, chosen_ns = first, first_ns
         for each, start_ns in starts[1:]:
             off_ns = start_ns - first_ns
-            if abs(off_ns) > first.step_ns + each.step_ns + _TOLERANCE_NS:
+            if abs(off_ns) > first.slack_ns + each.slack_ns + _TOLERANCE_NS:
                 self.cards.note(_contradiction(first, first_ns, each, start_ns))
             elif each.step_ns * _MUCH_FINER <= chosen.step_ns:
                 chosen, chosen_ns = each, start_ns
@@ -310,6 +313,7 @@ class _TimeReader:
             words=words,
             utc_ns=utc_ns_of_scale(count_ns, scale),
             step_ns=time.step_ns,
+            slack_ns=time.step_ns,
             moment=moment,
         )
 
@@ -354,7 +358,8 @@ class _TimeReader:
             return
         exponent = days.normalize().as_tuple().exponent
         step_ns = round(10.0 ** min(int(exponent), 0) * NS_PER_DAY)
-        if step_ns >= _DATE_ALONE_NS:
+        midnight = 0.5 if epoch == JD_UNIX else 0.0
+        if days % 1 in (0, Decimal(midnight)):
             self._note_dateless(key, int(days - Decimal(repr(epoch))))
             return
         scale = "UTC" if key == _JD_UTC else self._scale
@@ -363,7 +368,11 @@ class _TimeReader:
             return
         count_ns = int(((days - Decimal(repr(epoch))) * NS_PER_DAY).to_integral_value())
         yield _Instant(
-            words=key, utc_ns=utc_ns_of_scale(count_ns, scale), step_ns=step_ns, moment=moment
+            words=key,
+            utc_ns=utc_ns_of_scale(count_ns, scale),
+            step_ns=step_ns,
+            slack_ns=min(step_ns, _MAX_SLACK_NS),
+            moment=moment,
         )
 
     def _note_dateless(self, key: str, day: int) -> None:
