@@ -194,7 +194,7 @@ def wcs_from_cards(cards: Mapping[str, Any]) -> Wcs:
     if not (kinds[0].startswith("RA---TAN") and kinds[1].startswith("DEC--TAN")):
         raise FrameError(f"the header holds no TAN plate (CTYPE {kinds[0]!r}, {kinds[1]!r})")
     try:
-        return Wcs(
+        plate = Wcs(
             crpix_x_px=float(cards["CRPIX1"]) - 1.0,
             crpix_y_px=float(cards["CRPIX2"]) - 1.0,
             crval_ra_deg=float(cards["CRVAL1"]) % 360.0,
@@ -203,8 +203,17 @@ def wcs_from_cards(cards: Mapping[str, Any]) -> Wcs:
             sip_a=_sip_from_cards(cards, "A") if kinds[0].endswith("-SIP") else (),
             sip_b=_sip_from_cards(cards, "B") if kinds[0].endswith("-SIP") else (),
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (ArithmeticError, KeyError, TypeError, ValueError) as error:
         raise FrameError(f"the header's plate cannot be read ({error}): solve it again") from error
+    cd11, cd12, cd21, cd22 = plate.cd
+    place = (plate.crpix_x_px, plate.crpix_y_px, plate.crval_ra_deg, plate.crval_dec_deg)
+    if not all(map(math.isfinite, (*place, *plate.cd))) or cd11 * cd22 == cd12 * cd21:
+        raise FrameError("the header's plate has no scale or no place: solve it again")
+    return plate
+
+
+_MAX_SIP_ORDER = 9
+"""Largest order of distortions, by Shupe et al. 2005."""
 
 
 def _cd_from_cards(cards: Mapping[str, Any]) -> tuple[float, float, float, float]:
@@ -223,6 +232,8 @@ def _cd_from_cards(cards: Mapping[str, Any]) -> tuple[float, float, float, float
 
 def _sip_from_cards(cards: Mapping[str, Any], letter: str) -> Sip:
     order = int(cards.get(f"{letter}_ORDER", 0))
+    if not 0 <= order <= _MAX_SIP_ORDER:
+        raise ValueError(f"{letter}_ORDER is {order:g}, {_MAX_SIP_ORDER} at most")
     names = [(p, q) for p in range(order + 1) for q in range(order + 1 - p)]
     return tuple(
         (p, q, float(cards[f"{letter}_{p}_{q}"])) for p, q in names if f"{letter}_{p}_{q}" in cards

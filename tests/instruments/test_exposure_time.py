@@ -289,6 +289,10 @@ def test_rounding_is_no_contradiction(other):
 
 def test_of_times_that_agree_the_one_written_most_finely_is_used():
     assert began(EXPOSED | {"DATE-OBS": BEGAN[:19], "DATE-BEG": BEGAN}) == BEGAN_NS
+    # To the millisecond is fine enough, and what is 50 ms away is another stamp.
+    assert (
+        began(EXPOSED | {"DATE-OBS": BEGAN, "DATE-BEG": "2023-06-23T05:31:30.350000"}) == BEGAN_NS
+    )
 
 
 def test_a_time_of_few_digits_is_said_to_be_coarse():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from astropy.time import Time
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -92,3 +93,25 @@ def test_earth_orientation_beyond_the_table_holds_its_edge():
     far = times.iso_to_utc_ns("2060-01-01T00:00:00Z")
     orientation = times.earth_orientation(far)
     assert abs(orientation.ut1_minus_utc_s) < 1.0
+
+
+@pytest.mark.parametrize("scale", ["tai", "tt", "tdb", "ut1"])
+@pytest.mark.parametrize(
+    "utc", ["1985-03-01T12:00:00", "2016-12-31T23:59:58.5", "2017-01-01T00:00:00.5", "2023-06-23"]
+)
+def test_time_scales_become_utc_as_in_astropy(scale, utc):
+    there = getattr(Time(utc, scale="utc"), scale)
+    count_ns = round(((there.jd1 - times.JD_UNIX) + there.jd2) * 86_400e9)
+    expected_ns = times.iso_to_utc_ns(utc if "T" in utc else f"{utc}T00:00")
+    # UT1 is of Bulletin A here and of B there, which were 0.16 ms apart in 1985.
+    half_ms = 500_000
+    assert abs(times.utc_ns_of_scale(count_ns, scale.upper()) - expected_ns) < half_ms
+
+
+def test_gps_time_is_19_s_behind_tai_and_another_scale_is_refused():
+    t_ns = 1_687_403_045_000_000_000
+    ahead_s = (times.utc_ns_of_scale(t_ns, "GPS") - times.utc_ns_of_scale(t_ns, "TAI")) / 1e9
+    assert ahead_s == 19.0
+    assert times.utc_ns_of_scale(t_ns, "UTC") == t_ns
+    with pytest.raises(ValueError, match="TCB is not converted"):
+        times.utc_ns_of_scale(t_ns, "TCB")

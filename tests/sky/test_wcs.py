@@ -190,3 +190,29 @@ def test_a_real_solved_header_agrees_with_astropy():
     ra_theirs, dec_theirs = WCS(header).all_pix2world(x, y, 0)
     ra, dec = plate.pixel_to_sky(ours, x, y)
     assert np.max(separation_deg(ra, dec, ra_theirs, dec_theirs)) < MILLIARCSEC_DEG
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"A_ORDER": 10**8},
+        {"CRVAL1": 10**400},
+        {"CRVAL2": "nan"},
+        {"CD1_1": 0.0, "CD2_2": 0.0},
+        {"CD1_1": float("inf")},
+    ],
+)
+def test_a_plate_that_is_none_is_refused_at_once(change):
+    cards = {
+        "CTYPE1": "RA---TAN-SIP",
+        "CTYPE2": "DEC--TAN-SIP",
+        "CRPIX1": 480.0,
+        "CRPIX2": 384.0,
+        "CRVAL1": 313.4,
+        "CRVAL2": -4.7,
+        "CD1_1": -0.0014,
+        "CD2_2": 0.0014,
+    }
+    assert plate.wcs_from_cards(cards).crval_ra_deg == 313.4
+    with pytest.raises(FrameError, match="the header's plate"):
+        plate.wcs_from_cards(cards | change)

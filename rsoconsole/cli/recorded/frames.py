@@ -353,8 +353,9 @@ def solve(
 ) -> None:
     """Plate-solve frames; hints come from the header, options override them.
 
-    A field that fails with its hints is tried without them, within the same deadline; if that
-    succeeds, the wrong hint is named. Where a field needs finer index files than are installed,
+    A field that fails with its hints is tried with those that the header is likely to mean, then
+    without any, within the same deadline; if that succeeds, the wrong hint is named, with its
+    likely cause. Where a field needs finer index files than are installed,
     the answer names them. A field without a solution is reported and is no error.
 
     Example: rsoconsole solve frame.fits --ra 303.2 --dec 46.0 --scale 10 10.6

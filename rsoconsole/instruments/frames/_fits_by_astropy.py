@@ -261,7 +261,7 @@ def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
             try:
                 value = card.value
             except VerifyError:
-                value = _unparsed_value(str(card.image))
+                value = _unparsed_value(card)
             except (ValueError, OSError):
                 continue
             if isinstance(value, bool | int | float | str):
@@ -269,7 +269,10 @@ def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
     return merged
 
 
-def _unparsed_value(image: str) -> str:
+def _unparsed_value(card: Any) -> str:
     """Value of a card as it stands there, without its comment and unpaired quotes."""
-    _, _, stated = image[:_CARD].partition("=")
+    try:
+        _, _, stated = str(card.image)[:_CARD].partition("=")
+    except Exception:  # what no rule of astropy mends
+        return "(unreadable)"
     return stated.partition(" /")[0].strip().strip("'").strip()

@@ -83,7 +83,8 @@ _MAX_SLACK_NS = NS_PER_DAY // 10_000
 """Rounding of a count of days that is believed: a number has lost the zeros at its end."""
 _COARSE_NS = NS_PER_S
 """Step of the last digit beyond which the time is noted as coarse."""
-_MUCH_FINER = 10
+_FINE_NS, _MUCH_FINER = NS_PER_S // 1000, 10
+"""Step that is fine enough, and the ratio of steps from which a finer time is taken."""
 _MAX_HHMMSS = 240_000
 
 
@@ -168,7 +169,7 @@ class _TimeReader:
         """Time scale of the header; None with the reason where it is not converted to UTC."""
         place = self.cards.value("TREFPOS")
         if isinstance(place, str) and not place.strip().upper().startswith(_TOPOCENTRES):
-            return None, f"TREFPOS {place.strip()[:20]} refers the time to another place"
+            return None, f"TREFPOS {shown_value(place)} refers the time to another place"
         stated = self.cards.value("TIMESYS")
         if stated is None:
             return "UTC", ""
@@ -241,7 +242,9 @@ class _TimeReader:
             off_ns = start_ns - first_ns
             if abs(off_ns) > first.slack_ns + each.slack_ns + _TOLERANCE_NS:
                 self.cards.note(_contradiction(first, first_ns, each, start_ns))
-            elif each.step_ns * _MUCH_FINER <= chosen.step_ns:
+                continue
+            is_same = abs(off_ns) <= first.step_ns + each.step_ns
+            if is_same and max(each.step_ns, _FINE_NS) * _MUCH_FINER <= chosen.step_ns:
                 chosen, chosen_ns = each, start_ns
         for words, day in self._dateless:
             if abs(day - chosen_ns // NS_PER_DAY) > 1:

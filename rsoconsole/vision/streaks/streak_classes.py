@@ -246,6 +246,6 @@ def _aperture_m(frame: Frame) -> float | None:
     """Aperture of the telescope by the header (APTDIA, mm), m; None where it has none."""
     try:
         diameter_m = float(frame.header.get("APTDIA", 0.0)) / 1e3
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         return None
     return diameter_m if 0.0 < diameter_m < 100.0 else None
