@@ -186,14 +186,16 @@ def test_other_cards_of_the_standard_stand_in_for_date_obs(header):
     assert exposed.start_utc_ns is not None
     # A Julian date has 40 us to the last bit of a float.
     assert abs(exposed.start_utc_ns - BEGAN_NS) < HALF_MS
-    assert len(exposed.notes) == ("DATE-OBS" in header)
+    assert len(exposed.notes) == ("DATE-OBS" in header or "JD" in header or "JD-OBS" in header)
 
 
 def test_jd_utc_is_the_middle_and_that_is_said():
     exposed = exposure_time(EXPOSED | {"JD_UTC": MIDDLE.jd})
     assert exposed.start_utc_ns is not None
     assert abs(exposed.start_utc_ns - BEGAN_NS) < HALF_MS
-    assert exposed.notes == ("JD_UTC is taken as mid-exposure, as AstroImageJ writes it",)
+    assert exposed.notes == (
+        "JD_UTC is taken as mid-exposure, as SharpCap and AstroImageJ write it",
+    )
 
 
 def test_a_middle_without_a_length_is_no_start():
@@ -242,6 +244,26 @@ def test_gps_time_is_18_s_ahead_in_2023():
 def test_the_sdss_has_its_time_of_day_in_tai():
     header = EXPOSED | {"DATE-OBS": "2009-09-29", "TAIHMS": "20:22:47.41", "TIMESYS": "TAI"}
     assert began(header) == iso_to_utc_ns("2009-09-29T20:22:13.41")
+
+
+def test_date_obs_left_in_utc_beside_tai_is_found_by_the_cards_that_are_tai():
+    """As the LSST pipelines leave frames of DECam."""
+    header = {
+        "EXPTIME": 120.0,
+        "DATE-OBS": "2020-03-06T00:04:15.410235",
+        "TIME-OBS": "00:04:15.410235",
+        "MJD-OBS": 58914.00295614,
+        "DATE-AVG": "2020-03-06T00:05:52.410235000",
+        "TIMESYS": "TAI",
+    }
+    exposed = exposure_time(header)
+    assert exposed.start_utc_ns == iso_to_utc_ns("2020-03-06T00:04:15.410235")
+    assert exposed.notes == ("DATE-OBS is UTC although TIMESYS is TAI: so it agrees with DATE-AVG",)
+
+
+def test_programs_that_were_not_ready_for_2000_counted_on():
+    exposed = exposure_time(EXPOSED | {"DATE-OBS": "26/07/102", "TIME-OBS": "19:36:37"})
+    assert exposed.start_utc_ns == iso_to_utc_ns("2002-07-26T19:36:37")
 
 
 def test_local_time_with_its_offset_is_no_riddle():

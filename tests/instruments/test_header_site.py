@@ -28,6 +28,7 @@ ONE_METRE_DEG = 1e-5
         ({"LAT-OBS": "29,19", "LONG-OBS": "-81,05", "ALT-OBS": "10 m"}, 10.0),
         ({"OBSLAT": 29.19, "OBSLONG": -81.05}, 0.0),
         ({"OBSGEO-B": 29.19, "OBSGEO-L": 278.95, "OBSGEO-H": 10.0}, 10.0),
+        ({"OBS-LAT": 29.19, "OBS-LONG": "81.05 W"}, 0.0),
         ({"LATITUDE": 29.19, "LONGITUD": -81.05}, 0.0),
         (GEOCENTRIC, 10.0),
     ],
@@ -60,6 +61,7 @@ def test_the_south_is_below_zero():
         ({"SITELAT": "45 E", "SITELONG": "80.5"}, "SITELAT '45 E' is not used"),
         ({"SITELAT": 45.0, "SITELONG": "5h24m"}, "SITELONG '5h24m' is not used"),
         ({"SITELAT": "unknown", "SITELONG": 5.0}, "SITELAT 'unknown' is not used"),
+        ({"OBS-LAT": -30.16606, "OBS-LONG": 70.81489}, "OBS-LONG 70.81489 is not used"),
         ({"OBSGEO-X": 0.0, "OBSGEO-Y": 0.0, "OBSGEO-Z": 0.0}, "no place on the ground"),
         ({"OBSGEO-X": 1e7, "OBSGEO-Y": 0.0, "OBSGEO-Z": 0.0}, "no place on the ground"),
         ({"OBSGEO-X": 6.4e6, "OBSGEO-Y": 0.0}, "no place on the ground"),
@@ -83,7 +85,7 @@ def test_two_places_in_one_header_are_named():
 
 
 def test_an_altitude_is_no_elevation():
-    found = header_site({"SITELAT": 29.19, "SITELONG": -81.05, "OBJCTALT": 45.0, "ALTITUDE": 45.0})
+    found = header_site({"SITELAT": 29.19, "SITELONG": -81.05, "OBJCTALT": 45.0, "ELEVATIO": 45.0})
     assert found.site is not None
     assert found.site.elevation_m == 0.0
     assert header_site({}).site is None

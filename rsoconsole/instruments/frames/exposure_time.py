@@ -13,12 +13,13 @@ from decimal import Decimal
 from typing import Any, Literal
 
 from rsoconsole.instruments.frames.gps_receiver import gps_time
-from rsoconsole.instruments.frames.header_cards import SECONDS, Cards, shown_value, written_number
+from rsoconsole.instruments.frames.header_cards import SECONDS, Cards, shown_value
 from rsoconsole.instruments.frames.header_dates import (
     FIRST_YEAR,
     LAST_YEAR,
     TimeOfDay,
     WrittenDate,
+    numeric_times,
     parse_date,
     parse_time_of_day,
 )
@@ -64,7 +65,12 @@ _DAYS: tuple[tuple[str, Moment, float], ...] = (
     ("JD_UTC", "middle", JD_UNIX),
 )
 """Further keys: which moment each names, and 1970 in its count of days; 0 for a date."""
-_JD_UTC = "JD_UTC"
+_CONVENTIONS = {
+    "JD": "the start of the exposure, as MaxIm DL writes it",
+    "JD-OBS": "the start of the exposure",
+    "JD_UTC": "mid-exposure, as SharpCap and AstroImageJ write it",
+}
+"""Keys of no standard, and which moment they are taken for."""
 _SCALES: Mapping[str, str] = {
     **{name: name for name in TIME_SCALES},
     **dict.fromkeys(("UT", "GMT", "Z", "ZULU"), "UTC"),
@@ -85,7 +91,6 @@ _COARSE_NS = NS_PER_S
 """Step of the last digit beyond which the time is noted as coarse."""
 _FINE_NS, _MUCH_FINER = NS_PER_S // 1000, 10
 """Step that is fine enough, and the ratio of steps from which a finer time is taken."""
-_MAX_HHMMSS = 240_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,6 +241,7 @@ class _TimeReader:
             for each in instants:
                 self._start_faults.append(f"{each.words} needs an exposure time to give the start")
             return None
+        starts = self._utc_in_spite_of_scale(starts)
         first, first_ns = starts[0]
         chosen, chosen_ns = first, first_ns
         for each, start_ns in starts[1:]:
@@ -254,9 +260,35 @@ class _TimeReader:
                 f"the time of exposure by {chosen.words} is known to"
                 f" {chosen.step_ns / NS_PER_S:.3g} s only"
             )
-        if chosen.words == _JD_UTC:
-            self.cards.note("JD_UTC is taken as mid-exposure, as AstroImageJ writes it")
+        if chosen.words in _CONVENTIONS:
+            self.cards.note(f"{chosen.words} is taken as {_CONVENTIONS[chosen.words]}")
         return chosen_ns
+
+    def _utc_in_spite_of_scale(
+        self, starts: list[tuple[_Instant, int]]
+    ) -> list[tuple[_Instant, int]]:
+        """Take the first card, and those that agree with it, as UTC where a later one says so.
+
+        Pipelines set TIMESYS to TAI for the cards that they add, and leave DATE-OBS as it was.
+        """
+        first, first_ns = starts[0]
+        if self._scale in ("UTC", None):
+            return starts
+        # The scale's lead over UTC hardly changes within a minute.
+        ahead_ns = first_ns - utc_ns_of_scale(first_ns, str(self._scale))
+        for each, start_ns in starts[1:]:
+            allowed_ns = first.slack_ns + each.slack_ns + _TOLERANCE_NS
+            if abs(start_ns - first_ns - ahead_ns) > allowed_ns or abs(ahead_ns) <= allowed_ns:
+                continue
+            self.cards.note(
+                f"{first.words} is UTC although TIMESYS is {self._scale}: so it agrees with"
+                f" {each.words}"
+            )
+            return [
+                (one, ns + (ahead_ns if abs(ns - first_ns) <= allowed_ns else 0))
+                for one, ns in starts
+            ]
+        return starts
 
     def start_fault(self) -> str:
         """Reason why the start is not known."""
@@ -326,7 +358,7 @@ class _TimeReader:
             value = self.cards.value(time_key)
             if value is None:
                 continue
-            numeric = _numeric_times(value)
+            numeric = numeric_times(value)
             if len(numeric) == 1:
                 return f"{key} and {time_key}", numeric[0]
             if numeric:
@@ -344,7 +376,7 @@ class _TimeReader:
             value = self.cards.value(time_key)
             if value is None:
                 continue
-            others = _numeric_times(value)
+            others = numeric_times(value)
             with contextlib.suppress(ValueError):
                 others.append(parse_time_of_day(str(value)))
             if not any(_is_same_time(time, each) for each in others):
@@ -365,7 +397,7 @@ class _TimeReader:
         if days % 1 in (0, Decimal(midnight)):
             self._note_dateless(key, int(days - Decimal(repr(epoch))))
             return
-        scale = "UTC" if key == _JD_UTC else self._scale
+        scale = "UTC" if key == "JD_UTC" else self._scale
         if scale is None:
             self._refuse(key, self._scale_fault)
             return
@@ -397,29 +429,6 @@ def _seconds_before(moment: Moment, length_s: float | None) -> float | None:
     if moment == "start":
         return 0.0
     return None if length_s is None else length_s if moment == "end" else length_s / 2.0
-
-
-def _numeric_times(value: object) -> list[TimeOfDay]:
-    """Times of day that a plain number may be: hours, seconds since midnight, or hhmmss."""
-    is_packed_text = isinstance(value, str) and re.match(r"\s*[0-9]{6}", value) is not None
-    written = None if is_packed_text else written_number(value)
-    if written is None or not 0 <= written.value < _MAX_HHMMSS:
-        return []
-    number = written.value
-    hhmm, seconds = divmod(number, 100)
-    hours, minutes = divmod(int(hhmm), 100)
-    packed_s = (hours * 60 + minutes) * 60 + seconds
-    is_packed = minutes < 60 and seconds < 60 and hours < 24
-    possible_s = {
-        *([number * 3600] if number < 24 else []),
-        *([number] if number < 86_400 else []),
-        *([packed_s] if is_packed else []),
-    }
-    step_ns = round(10.0 ** min(int(number.as_tuple().exponent), 0) * NS_PER_S)
-    return [
-        TimeOfDay(since_midnight_ns=int(each * NS_PER_S), step_ns=step_ns, offset_s=None)
-        for each in sorted(possible_s)
-    ]
 
 
 def _is_same_time(one: TimeOfDay, other: TimeOfDay) -> bool:

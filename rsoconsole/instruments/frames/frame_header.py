@@ -126,6 +126,8 @@ def focal_length_mm(header: Mapping[str, Any]) -> float | None:
 
 
 def _focal_length_mm(cards: Cards) -> float | None:
+    if cards.value("FOCALLEN") == 0:  # what drivers write where none is set
+        return None
     return cards.number("FOCALLEN", "a focal length in mm", 1e-6, 1e9, units=MILLIMETRES)
 
 
@@ -151,6 +153,8 @@ def _stated_scale(cards: Cards) -> float | None:
 
 def _pixel_size(cards: Cards) -> tuple[str, float] | None:
     for key in ("XPIXSZ", "PIXSIZE1"):
+        if cards.value(key) == 0:
+            continue
         pixel_um = cards.number(key, "the size of a pixel in um", 1e-6, 1e9, units=MICROMETRES)
         if pixel_um is not None:
             return key, pixel_um

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from datetime import date
 
+from rsoconsole.instruments.frames.header_cards import written_number
 from rsoconsole.words import NS_PER_S
 
 NS_PER_MINUTE = 60 * NS_PER_S
@@ -17,7 +18,7 @@ _EPOCH = date(1970, 1, 1).toordinal()
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _YEAR_FIRST = re.compile(r"([0-9]{4})([-/.])([0-9]{1,2})\2([0-9]{1,2})(?![0-9])")
 _BASIC = re.compile(r"((?:19|20)[0-9]{2})([0-9]{2})([0-9]{2})(?![0-9])")
-_OLD_FITS = re.compile(r"([0-9]{2})/([0-9]{2})/([0-9]{2})(?![0-9])")
+_OLD_FITS = re.compile(r"([0-9]{2})/([0-9]{2})/(1?[0-9]{2})(?![0-9])")
 _YEAR_LAST = re.compile(r"([0-9]{1,2})([-/.])([0-9]{1,2})\2([0-9]{4})(?![0-9])")
 _NAMED = re.compile(r"([0-9]{1,2})[-/. ]([A-Za-z]{3})[a-z]{0,6}[-/., ] ?([0-9]{4})(?![0-9])")
 _TIME = re.compile(
@@ -26,6 +27,7 @@ _TIME = re.compile(
 _BASIC_TIME = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})(?:[.,]([0-9]{0,30}))?")
 _ZONE = re.compile(r"\s*(?:(Z|UTC|UT|GMT)|([+-])([0-9]{2})(?::?([0-9]{2}))?)", re.IGNORECASE)
 _MAX_OFFSET_H = 14
+_MAX_HHMMSS = 240_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +107,8 @@ def _leading_day(text: str) -> tuple[int, int]:
         return _days(int(found[1]), int(found[2]), int(found[3])), found.end()
     found = _OLD_FITS.match(text)
     if found is not None:
-        # By the standard until 1999: the day first, and the years from 1900 on alone.
+        # By the standard until 1999: the day first, and the years since 1900. Programs that
+        # were not ready for 2000 went on to 100, 101...
         return _days(1900 + int(found[3]), int(found[2]), int(found[1])), found.end()
     found = _NAMED.match(text)
     if found is not None and found[2].lower() in _MONTHS:
@@ -127,3 +130,26 @@ def _days(year: int, month: int, day: int) -> int:
         return date(year, month, day).toordinal() - _EPOCH
     except ValueError:
         raise ValueError("there is no such day") from None
+
+
+def numeric_times(value: object) -> list[TimeOfDay]:
+    """Times of day that a plain number may be: hours, seconds since midnight, or hhmmss."""
+    is_packed_text = isinstance(value, str) and re.match(r"\s*[0-9]{6}", value) is not None
+    written = None if is_packed_text else written_number(value)
+    if written is None or not 0 <= written.value < _MAX_HHMMSS:
+        return []
+    number = written.value
+    hhmm, seconds = divmod(number, 100)
+    hours, minutes = divmod(int(hhmm), 100)
+    packed_s = (hours * 60 + minutes) * 60 + seconds
+    is_packed = minutes < 60 and seconds < 60 and hours < 24
+    possible_s = {
+        *([number * 3600] if number < 24 else []),
+        *([number] if number < 86_400 else []),
+        *([packed_s] if is_packed else []),
+    }
+    step_ns = round(10.0 ** min(int(number.as_tuple().exponent), 0) * NS_PER_S)
+    return [
+        TimeOfDay(since_midnight_ns=int(each * NS_PER_S), step_ns=step_ns, offset_s=None)
+        for each in sorted(possible_s)
+    ]

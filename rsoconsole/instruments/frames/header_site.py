@@ -1,7 +1,7 @@
 """Where a frame was taken, by its header.
 
 Longitudes are east positive (FITS standard 4.0, OBSGEO-L; IAU) unless the value has a W; 180 to 360
-is east. OBJCTALT, ALTITUDE and their like are not read: an altitude is no elevation.
+is east. OBJCTALT, ALTITUDE, ELEVATIO and their like are not read: they are the telescope's.
 """
 
 import re
@@ -24,10 +24,12 @@ _PLACES: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
     ("OBS-LAT", ("OBS-LONG", "OBS-LON"), ("OBS-ELEV",)),
     ("OBS_LAT", ("OBS_LONG", "OBS_LON"), ("OBS_ELEV",)),
     ("GEOLAT", ("GEOLON", "GEOLONG"), ("GEOELEV",)),
-    ("LATITUDE", ("LONGITUD", "LONGITUDE", "LONGITDE"), ("ELEVATIO", "ELEVATION", "HEIGHT")),
+    ("LATITUDE", ("LONGITUD", "LONGITUDE", "LONGITDE"), ("HEIGHT",)),
     ("GPS_LAT", ("GPS_LON", "GPS_LONG"), ("GPS_ALT",)),
 )
 """Keys of latitude, longitude and elevation, the most trusted first."""
+_EITHER_WAY = ("OBS-LONG", "OBS-LON", "OBS_LONG", "OBS_LON")
+"""Longitudes that observatories write east or west positive: DECam's was 70.8 for 70.8 W."""
 _GEOCENTRIC = ("OBSGEO-X", "OBSGEO-Y", "OBSGEO-Z")
 _HEMISPHERE = re.compile(r"([NSEW])?\s*(.*?)\s*([NSEW])?", re.IGNORECASE)
 _SECONDS_MARK = re.compile(r".*m\s*[0-9.]+s", re.IGNORECASE)
@@ -115,6 +117,11 @@ def _angle_deg(
     angle_deg = None if number is None else float(number.value)
     if isinstance(value, str) and number is None:
         angle_deg = _spelt_angle_deg(value.strip().replace(",", "."), hemispheres)
+        if angle_deg is not None and value.strip()[-1:].upper() in ("E", "W"):
+            return angle_deg
+    if key in _EITHER_WAY:
+        cards.not_used(key, "observatories write it east or west positive; E or W would say which")
+        return None
     lowest_deg = -180.0 if limit_deg > 180.0 else -limit_deg
     if angle_deg is None or not lowest_deg <= angle_deg <= limit_deg:
         cards.not_used(key, f"it is not {what}")
