@@ -1,6 +1,6 @@
 """A streak is called by what it is, on every screen and in ``detect`` alike."""
 
-from rsoconsole.cli.recorded.frames import _detect_lines
+from rsoconsole.cli.words.frame_words import detect_lines
 from rsoconsole.console.picture.marks import streak_mark
 from rsoconsole.night import line_of
 from rsoconsole.pipeline import detections_report
@@ -43,7 +43,7 @@ def test_detect_says_it_in_words_and_in_json():
     ]
     assert report["detections"][1]["modulation_period_s"] is None
     assert [each["clipped"] for each in report["detections"]] == [False, True, False]
-    _, first, second, third = _detect_lines(report)
+    _, first, second, third = detect_lines(report)
     assert first.endswith(", satellite 0.97")
     assert second.endswith(", crossing, aircraft 0.83, pulses every 14.2 px, depth 0.70")
     assert third.endswith("SNR 60")

@@ -18,6 +18,12 @@ from rsoconsole.cli.words.batch_options import (
     progress_bar,
     resolved_paths,
 )
+from rsoconsole.cli.words.frame_words import (
+    detect_lines,
+    image_name,
+    process_words,
+    solve_lines,
+)
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, PresetOption, TauOption
 from rsoconsole.cli.words.standard_input import (
     FilesFromOption,
@@ -26,7 +32,6 @@ from rsoconsole.cli.words.standard_input import (
     open_input_files,
 )
 from rsoconsole.config import Config, load_config
-from rsoconsole.words import count_words, direction, pulse_words, streak_name_words
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import BatchNight, NightOutcome, WorkerPool
@@ -153,15 +158,9 @@ def _each(
         for found in work(path, number):
             with bar.hide_while_printing():
                 output.print_answer(json_, found, lines)
-                print_new_notes(_name(found), found["notes"], noted)
+                print_new_notes(image_name(found), found["notes"], noted)
 
     output.exit_if(run_on_each_frame(files, files.paths, json_, show))
-
-
-def _name(found: dict[str, Any]) -> str:
-    """Name of the file and of the image in it."""
-    extension = found["extension"]
-    return f"{found['frame']}[{extension}]" if extension else str(found["frame"])
 
 
 def print_new_notes(name: str, notes: list[str], noted: set[str]) -> None:
@@ -284,8 +283,8 @@ def _process_frames(
                 recording.append(result.records, result.t_mid_utc_ns)
                 found = process_report(files.name(result.path), result, place)
                 with bar.hide_while_printing():
-                    output.print_answer(json_, found, _process_words)
-                    print_new_notes(_name(found), found["notes"], noted)
+                    output.print_answer(json_, found, process_words)
+                    print_new_notes(image_name(found), found["notes"], noted)
         finally:
             recording.close()
     output.exit_if(failures)
@@ -333,7 +332,7 @@ def detect(
             )
 
     with open_input_files(given) as files:
-        _each(files, json_, work, _detect_lines)
+        _each(files, json_, work, detect_lines)
 
 
 def solve(
@@ -390,62 +389,4 @@ def solve(
                     notes=solved.notes,
                 )
 
-        _each(files, json_, work, _solve_lines)
-
-
-def _process_words(found: dict[str, Any]) -> str:
-    words = [found["frame"], found["state"]]
-    measurement = found["measurement"]
-    if measurement is None:
-        solution = found["solution"]
-        reason = "nothing detected" if not found["detections"] else "not measured"
-        reason = reason if solution is None or solution["solved"] else solution["reason"]
-        no_time = found["no_time"]
-        words.append(reason if no_time is None else f"{reason}: no time of exposure: {no_time}")
-    else:
-        words.append(direction(measurement["ra"], measurement["dec"], "bare"))
-        words.append(
-            f"±{measurement['sigma_ra_arcsec']:.1f}″ ±{measurement['sigma_dec_arcsec']:.1f}″"
-        )
-        words.append(f"confidence {measurement['confidence']:.2f}")
-    if found["nis"] is not None:
-        words.append(f"NIS {found['nis']:.1f}")
-    return "  ".join(words)
-
-
-def _detect_lines(found: dict[str, Any]) -> list[str]:
-    lines = [f"{_name(found)}: {count_words(len(found['detections']), 'streak')}"]
-    lines.extend(
-        f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
-        f" length {d['length']:.0f} px, SNR {d['snr']:.0f}{_named_words(d)}"
-        for d in found["detections"]
-    )
-    lines.extend(f"  rejected: {r['reason']}" for r in found["rejected"])
-    return lines
-
-
-def _named_words(detection: dict[str, Any]) -> str:
-    """Kind and class of a streak in its report: ``, crossing, aircraft 0.83``."""
-    name = streak_name_words(
-        detection["kind"],
-        detection["class"],
-        detection["class_probability"],
-        train=detection["train"],
-    )
-    pulse = pulse_words(
-        detection["modulation_period_px"],
-        detection["modulation_period_s"],
-        detection["modulation_depth"],
-    )
-    return "".join(f", {words}" for words in (name, pulse) if words)
-
-
-def _solve_lines(found: dict[str, Any]) -> list[str]:
-    if not found["solved"]:
-        return [f"{_name(found)}: not solved: {found['reason']}"]
-    solved = (
-        f"{_name(found)}: {direction(found['ra'], found['dec'], 'bare')}"
-        f" {found['scale_arcsec_px']:.4f} arcsec/px, rotation {found['rotation_deg']:.2f} deg,"
-        f" {found['matched']} stars, rms {found['rms_arcsec']:.2f} arcsec"
-    )
-    return [solved, *(f"  {wrong['reason']}" for wrong in found["wrong_hints"])]
+        _each(files, json_, work, solve_lines)

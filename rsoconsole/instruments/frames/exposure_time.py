@@ -6,7 +6,6 @@ used; those that disagree are notes. Source: FITS standard 4.0, chapter 9.
 """
 
 import contextlib
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -22,6 +21,7 @@ from rsoconsole.instruments.frames.header_dates import (
     numeric_times,
     parse_date,
     parse_time_of_day,
+    time_scale,
 )
 from rsoconsole.sky import JD_UNIX, MJD_UNIX, TIME_SCALES, utc_ns_of_scale
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
@@ -71,13 +71,6 @@ _CONVENTIONS = {
     "JD_UTC": "mid-exposure, as SharpCap and AstroImageJ write it",
 }
 """Keys of no standard, and which moment they are taken for."""
-_SCALES: Mapping[str, str] = {
-    **{name: name for name in TIME_SCALES},
-    **dict.fromkeys(("UT", "GMT", "Z", "ZULU"), "UTC"),
-    **dict.fromkeys(("TDT", "ET"), "TT"),
-    "IAT": "TAI",
-}
-_SCALE = re.compile(r"([A-Z0-9]+)\s*(?:\([^()]*\))?")
 _TOPOCENTRES = ("TOPOCENT", "GEOCENT", "RELOCATA", "CUSTOM")
 _TOLERANCE_NS = NS_PER_S // 10
 """Difference of two times of one exposure that is no contradiction, beside their rounding.
@@ -178,8 +171,7 @@ class _TimeReader:
         stated = self.cards.value("TIMESYS")
         if stated is None:
             return "UTC", ""
-        found = _SCALE.fullmatch(str(stated).strip().upper())
-        scale = None if found is None else _SCALES.get(found[1])
+        scale = time_scale(str(stated))
         if scale is None:
             return None, (
                 f"TIMESYS {shown_value(stated)} is no time scale that can be converted to UTC"

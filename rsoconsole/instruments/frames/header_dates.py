@@ -5,10 +5,12 @@ Source: FITS standard 4.0, section 9.1.1 (ISO 8601) and, for 'dd/mm/yy', the for
 """
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date
 
 from rsoconsole.instruments.frames.header_cards import written_number
+from rsoconsole.sky import TIME_SCALES
 from rsoconsole.words import NS_PER_S
 
 NS_PER_MINUTE = 60 * NS_PER_S
@@ -28,6 +30,15 @@ _BASIC_TIME = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})(?:[.,]([0-9]{0,30}))?"
 _ZONE = re.compile(r"\s*(?:(Z|UTC|UT|GMT)|([+-])([0-9]{2})(?::?([0-9]{2}))?)", re.IGNORECASE)
 _MAX_OFFSET_H = 14
 _MAX_HHMMSS = 240_000
+
+
+_SCALES: Mapping[str, str] = {
+    **{name: name for name in TIME_SCALES},
+    **dict.fromkeys(("UT", "GMT", "Z", "ZULU"), "UTC"),
+    **dict.fromkeys(("TDT", "ET"), "TT"),
+    "IAT": "TAI",
+}
+_SCALE = re.compile(r"([A-Z0-9]+)\s*(?:\([^()]*\))?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,3 +164,12 @@ def numeric_times(value: object) -> list[TimeOfDay]:
         TimeOfDay(since_midnight_ns=int(each * NS_PER_S), step_ns=step_ns, offset_s=None)
         for each in sorted(possible_s)
     ]
+
+
+def time_scale(name: str) -> str | None:
+    """Return the time scale that TIMESYS names, of ``TIME_SCALES``; None for another.
+
+    A realisation may stand behind it, as in UTC(NIST). Source: FITS standard 4.0, table 30.
+    """
+    found = _SCALE.fullmatch(name.strip().upper())
+    return None if found is None else _SCALES.get(found[1])
