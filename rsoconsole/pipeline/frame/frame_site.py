@@ -80,7 +80,7 @@ def site_of_frames(
         return FrameSite(config=config, source="configuration")
     for path in paths[:_MAX_READ]:
         try:
-            frame = read_frame(path, 1, extension=extension, max_nonfinite_fraction=1.0)
+            frame = read_frame(path, 1, extension=extension)
         except FrameError:
             continue
         stated = header_site(frame.header)
