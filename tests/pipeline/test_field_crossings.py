@@ -133,7 +133,7 @@ def compare_one(
     compared = 0
     # Half of them where satellites are: about places of the judge's own.
     some = judge.seen[int(draw.choice(list(judge.seen)))]
-    x, y, z = some[draw.integers(len(some))] if draw.random() < 0.6 else draw.normal(size=3)
+    x, y, z = some[draw.integers(len(some))] if draw.random() < 0.8 else draw.normal(size=3)
     field = RoundField(
         site=site,
         ra_icrs_deg=float(np.degrees(np.arctan2(y, x)) % 360.0),
@@ -169,7 +169,8 @@ def agree(
         assert np.all(altitude_deg > -0.01)
         assert np.allclose(altitude_deg, [point.alt_deg for point in points], atol=0.01)
         for end in (0, 2):
-            is_cut = at[end] in (0.0, HOURS * 3600.0) or abs(altitude_deg[end]) < 0.01
+            is_end = min(at[end], HOURS * 3600.0 - at[end]) < 1e-3
+            is_cut = is_end or abs(altitude_deg[end]) < 0.01
             assert abs(edge_deg[end]) < 0.002 or (is_cut and edge_deg[end] < 0.01)
         assert edge_deg[1] < 0.0
         assert abs(each.offset_deg - edge_deg[1] - field.diameter_deg / 2.0) < 1.0 / 3600.0
@@ -188,7 +189,7 @@ def direction_of(point: FieldPoint) -> np.ndarray:
 @needs_elements
 def test_crossings_are_those_of_a_brute_search_by_skyfield() -> None:
     entries = parse_catalogue((TLES / "mix_20230622.tle").read_text())[::3]
-    assert compare(entries, SITES[0], 5, 15) > 10
+    assert compare(entries, SITES[0], 5, 25) > 10
 
 
 @pytest.mark.nightly
