@@ -58,9 +58,8 @@ def test_a_plain_streak_is_found(sky: str) -> None:
     found = rso.detect(SKIES[sky]())
     assert len(found) == 1
     (x_a, y_a), (x_b, y_b) = ENDS
-    assert (
-        np.hypot(found["x_px"][0] - 0.5 * (x_a + x_b), found["y_px"][0] - 0.5 * (y_a + y_b)) < 6.0
-    )
+    x, y = (found[name][0].to_value("pix") for name in ("x_px", "y_px"))
+    assert np.hypot(x - 0.5 * (x_a + x_b), y - 0.5 * (y_a + y_b)) < 6.0
 
 
 @pytest.mark.parametrize("sky", [each for each in SKIES if each != "cut off at the median"])
