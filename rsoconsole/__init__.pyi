@@ -11,6 +11,7 @@ from .library import PlateWCS as PlateWCS
 from .library import Session as Session
 from .library import Track as Track
 from .library import Tracks as Tracks
+from .library import crossings as crossings
 from .library import detect as detect
 from .library import identify as identify
 from .library import live_panel as live_panel

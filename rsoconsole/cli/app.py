@@ -27,7 +27,7 @@ from rsoconsole.cli.recorded import (
     sessions,
     what_if,
 )
-from rsoconsole.cli.telescope import go_to, order, passes, service, setup, telescope
+from rsoconsole.cli.telescope import crossings, go_to, order, passes, service, setup, telescope
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.usage import (
     USAGE_EXIT,
@@ -61,7 +61,7 @@ order.add_command_verbs(app)
 # A negative declination is an argument, no option.
 app.command(context_settings={"ignore_unknown_options": True})(go_to.goto)
 _add(telescope.stop, frames.process, frames.detect, frames.solve)
-_add(orbit.orbit, identify.identify, passes.passes)
+_add(orbit.orbit, identify.identify, passes.passes, crossings.crossings)
 app.command("what-if", cls=what_if.SetOptionCommand)(what_if.what_if)
 app.command("calibrate-time")(calibrate_time.calibrate_time)
 app.command("calibrate-elements")(calibrate_elements.calibrate_elements)

@@ -1,3 +1,4 @@
+from .field_crossings import crossings as crossings
 from .formats.api import ExportOptions as ExportOptions
 from .formats.api import export as export
 from .formats.api import render as render

@@ -207,7 +207,7 @@ def identify(
     if not 0.0 < gate_deg <= 5.0:
         raise InputError(f"gate: {gate_deg:g} deg must be above 0, and 5 at most")
     catalogue = resolve_config(config).catalogue
-    entries = _entries(tle, observations, catalogue)
+    entries = element_entries(tle, observations, catalogue)
     ask = CallerValues(sigma=sigma, site=site, target=target, radians=radians, config=config)
     seen, where, chosen = _seen(observations, ask, track)
     arcs = {name: longest_arc(each) for name, each in seen.items()}
@@ -245,9 +245,10 @@ def _seen(
     return seen, groups[0].site, answers
 
 
-def _entries(
+def element_entries(
     tle: ElementsLike | None, what: Any, catalogue: CatalogueConfig
 ) -> tuple[CatalogueEntry, ...]:
+    """Element sets that ``tle`` is; where None those configured, or of the session ``what``."""
     if isinstance(tle, str) and "\n" in tle:
         return parse_catalogue(tle, "the text")
     if isinstance(tle, str | PathLike):

@@ -166,6 +166,11 @@ from .tuning.propose_inquiry import Proposal as Proposal
 from .tuning.what_if_process import SessionLogCache as SessionLogCache
 from .tuning.what_if_process import WhatIfProcess as WhatIfProcess
 from .tuning.what_if_process import WhatIfQuestion as WhatIfQuestion
+from .visibility.crossings import MAX_FIELD_DEG as MAX_FIELD_DEG
+from .visibility.crossings import FieldCrossing as FieldCrossing
+from .visibility.crossings import FieldPoint as FieldPoint
+from .visibility.crossings import RoundField as RoundField
+from .visibility.crossings import field_crossings as field_crossings
 from .visibility.hours_ahead import SkyOutlook as SkyOutlook
 from .visibility.hours_ahead import sky_outlook as sky_outlook
 from .visibility.passes import NightPass as NightPass

@@ -80,3 +80,10 @@ def test_a_level_is_not_rounded_where_the_noise_is_one_unit():
     level = local_background(pixels).level
     a_fiftieth_of_sigma = 0.02
     assert abs(float(level.mean()) - 100.3) < a_fiftieth_of_sigma
+
+
+def test_the_noise_of_a_sky_without_any_is_that_of_sixteen_bits():
+    pixels = np.zeros((256, 256), np.float32)
+    pixels[100:103, 20:200] = 3000.0
+    expected = 3000.0 / 65536.0 / np.sqrt(12.0)
+    assert np.median(local_background(pixels).noise) == pytest.approx(expected, rel=1e-3)

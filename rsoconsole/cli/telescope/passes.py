@@ -61,7 +61,7 @@ def passes(
     loaded = load_config(config)
     with open_input_files(tle or list(loaded.catalogue.tle_files)) as files:
         entries = _entries(files.paths, norad or [])
-    span = _span(loaded, at, hours)
+    span = night_span_asked(loaded, at, hours, "--at")
     found = _looked_for(entries, loaded, span, is_low_only=not (every or norad))
     shown = [p for p in found if p.top.alt_deg >= top and (every or p.lit_from_utc_ns is not None)]
     if json_:
@@ -87,11 +87,15 @@ def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[Catalogue
     return [each for each in entries if each.norad_id in norad] if norad else entries
 
 
-def _span(config: Config, at: str, hours: float | None) -> tuple[int, int]:
-    """First and last instant, UTC ns. Raises OrbitError where the night has no dark time."""
+def night_span_asked(config: Config, at: str, hours: float | None, option: str) -> tuple[int, int]:
+    """Return first and last instant, UTC ns, of the night or of the hours from ``at`` on.
+
+    ``option``: name of the one that gave ``at``. Raises OrbitError where the night has no dark
+    time.
+    """
     from rsoconsole.sky import iso_to_utc_ns, night_span
 
-    with as_usage_error("--at"):
+    with as_usage_error(option):
         now_ns = iso_to_utc_ns(at) if at else time.time_ns()
     twilight_deg = config.limits.twilight_deg
     dark = night_span(config.site.to_site(), now_ns, twilight_deg)

@@ -142,3 +142,22 @@ def saturation_adu(raw: npt.NDArray[Any], pixels: PixelArray, header: Mapping[st
         is_full_scale = int(np.count_nonzero(pixels == highest)) >= 3
         return float(highest) if is_full_scale else 65535.0
     return 65535.0
+
+
+_SAMPLES_A_SIDE = 256
+_MAX_ALIKE = 0.75
+
+
+def noiseless_sky_note(pixels: PixelArray) -> str | None:
+    """Return a note on a sky that is one value nearly everywhere, so has no noise; else None."""
+    rows, columns = (max(1, side // _SAMPLES_A_SIDE) for side in pixels.shape)
+    sample = pixels[::rows, ::columns]
+    level = np.median(sample)
+    alike = float(np.mean(sample == level))
+    if alike < _MAX_ALIKE:
+        return None
+    return (
+        f"{100.0 * alike:.0f} % of the pixels are {level:g}: a sky without noise, cut off or"
+        " drawn; what is faint is lost, and widths and signal-to-noise ratios mean little; give"
+        " the camera's own frame"
+    )

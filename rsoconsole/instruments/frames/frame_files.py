@@ -25,6 +25,7 @@ from rsoconsole.instruments.frames._frame_decoder import decoder
 from rsoconsole.instruments.frames._frame_pixels import (
     Room,
     fill_nonfinite,
+    noiseless_sky_note,
     one_plane,
     saturation_adu,
     to_pixels,
@@ -247,6 +248,7 @@ def _frame_of(
     if pixels.dtype == np.float32:
         note = fill_nonfinite(pixels, name, max_nonfinite_fraction)
         notes += [note] if note else []
+    notes += [note] if (note := noiseless_sky_note(pixels)) else []
     full_adu = saturation_adu(raw, pixels, header) if full_adu is None else full_adu
     if bits == 8:
         # Kept in 16 bits it would not show any more.

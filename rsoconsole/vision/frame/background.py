@@ -5,6 +5,7 @@ few of the 25 cells to lift the median. The noise comes from differences of near
 neither gradients nor the sky's own structure enter it.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -23,6 +24,8 @@ from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 _TILE_CELLS = 8
 _SAMPLES_PER_TILE = 1024
+_FINEST_STEP = 2.0**-16 / math.sqrt(12.0)
+"""Noise of digitisation with 16 bits, as a share of the range of values."""
 _CLIPPED_GAUSS_RMS = 0.9930
 """Root mean square of a unit normal cut at +-3.45 sigma."""
 
@@ -107,6 +110,9 @@ def sky_noise(
 
     workers.share(measure, rows)
     floor = max(float(np.median(noise)) * 1e-2, 1e-6)
+    if not np.median(noise) > 0.0:
+        # No camera tells more apart: that of a sky without noise is unknown, not nothing.
+        floor = max(float(np.ptp(pixels)) * _FINEST_STEP, floor)
     return np.maximum(_resize(noise, *shape), np.float32(floor))
 
 

@@ -385,7 +385,7 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     gain = height**2 * norm
     best = int(np.argmax(gain))
     # Two sigma to either side: of a faint step the likelihood is no parabola.
-    close = gain > gain[best] - 4.0
+    close = gain >= gain[best] - 4.0
     spread = 0.25 * float(trial[close].max() - trial[close].min())
     # Where a star hides it, it is anywhere behind it.
     is_near = np.abs(inner - trial[best]) < _HIDDEN_PX + 2.0 * sigma
