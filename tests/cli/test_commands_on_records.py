@@ -260,6 +260,20 @@ def passes(house: House, command: str) -> None:
 
 
 @RECIPES.of(
+    "rsoconsole crossings --at 313.7 -4.8 --field 1.5 --tle active.tle",
+    "rsoconsole crossings --at RA DEC --field DEG --tle FILE",
+)
+def crossings(house: House, command: str) -> None:
+    (house.here / "active.tle").write_text(low_elements(), encoding="ascii")
+    house.configure(site_toml(noon_deg()))
+    named = {"RA DEC": "313.7 -4.8", "DEG": "40", "FILE": "active.tle"}
+    said = house.run(command, named if "FILE" in command else None).stdout
+    assert "about RA 313.700 Dec -4.800" in said, said
+    if "FILE" in command:
+        assert " LOW 70" in said, said
+
+
+@RECIPES.of(
     "rsoconsole calibrate-time night --rinex BRDC00IGS.rnx --write",
     "rsoconsole calibrate-time NIGHT... --rinex FILE",
 )
