@@ -266,7 +266,7 @@ def passes(house: House, command: str) -> None:
 def crossings(house: House, command: str) -> None:
     (house.here / "active.tle").write_text(low_elements(), encoding="ascii")
     house.configure(site_toml(noon_deg()))
-    named = {"RA DEC": "313.7 -4.8", "DEG": "40", "FILE": "active.tle"}
+    named = {"RA": "313.7", "DEC": "-4.8", "DEG": "40", "FILE": "active.tle"}
     said = house.run(command, named if "FILE" in command else None).stdout
     assert "about RA 313.700 Dec -4.800" in said, said
     if "FILE" in command:
