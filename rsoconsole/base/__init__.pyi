@@ -25,6 +25,7 @@ from .foreign_text import MAX_DATA_BYTES as MAX_DATA_BYTES
 from .foreign_text import parse_json as parse_json
 from .foreign_text import parse_toml as parse_toml
 from .foreign_text import read_foreign_text as read_foreign_text
+from .foreign_text import read_named_bytes as read_named_bytes
 from .foreign_text import read_named_file as read_named_file
 from .foreign_text import read_private_lines as read_private_lines
 from .indi_port import INDI_PORT as INDI_PORT

@@ -26,7 +26,7 @@ from rsoconsole.config import (
     write_settings,
 )
 from rsoconsole.control import ControlServer, Outcome, Status, default_socket_path, status_json
-from rsoconsole.orbits import parse_catalogue
+from rsoconsole.orbits import parse_element_sets
 from rsoconsole.pipeline import (
     ElementStore,
     SourceUpdate,
@@ -703,6 +703,6 @@ def test_the_cache_is_read_as_sgp4_reads_the_same_elements(night: Night) -> None
     """Truth: the package sgp4's own reader of two lines, written out again."""
     night.one(send(INTELSAT.encode(), "text/plain"))
     (entry,) = read_catalogue([night.store.folder])
-    (direct,) = parse_catalogue(INTELSAT)
+    (direct,) = parse_element_sets(INTELSAT).entries
     assert exporter.export_tle(entry.record) == exporter.export_tle(direct.record)
     assert os.path.commonpath([night.store.folder, *night.store.files()]) == str(night.store.folder)

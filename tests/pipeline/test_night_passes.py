@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, LimitsConfig
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, parse_element_sets
 from rsoconsole.pipeline import NightPass, night_passes
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
@@ -60,7 +60,7 @@ def found_by_skyfield(entry: CatalogueEntry, site: Site) -> list[tuple[float, fl
 @needs_elements
 @pytest.mark.parametrize("site", SITES, ids=("Florida", "Iceland", "Cape"))
 def test_every_pass_is_found_where_skyfield_finds_it_and_no_other(site: Site) -> None:
-    entries = [e for e in parse_catalogue(MIX.read_text()) if e.revolutions_a_day > 9.0]
+    entries = [e for e in parse_element_sets(MIX.read_text()).entries if e.revolutions_a_day > 9.0]
     limits = LimitsConfig(min_altitude_deg=LIMIT_DEG)
     ours: dict[int, list[NightPass]] = {}
     for each in found_by_us(entries, site, limits):
@@ -101,7 +101,7 @@ def test_how_fast_it_is_and_whether_it_is_lit_are_skyfields(kernel: Any) -> None
     scale = load.timescale(builtin=True)
     site = SITES[0]
     place = wgs84.latlon(site.latitude_deg, site.longitude_deg, site.elevation_m)
-    entries = [e for e in parse_catalogue(MIX.read_text()) if e.revolutions_a_day > 9.0]
+    entries = [e for e in parse_element_sets(MIX.read_text()).entries if e.revolutions_a_day > 9.0]
     by_number = {each.norad_id: each for each in entries}
     found = found_by_us(entries, site, LimitsConfig(min_altitude_deg=LIMIT_DEG))
     assert {each.lit_from_utc_ns is None for each in found} == {True, False}
@@ -125,7 +125,7 @@ def test_how_fast_it_is_and_whether_it_is_lit_are_skyfields(kernel: Any) -> None
 
 
 def test_a_horizon_mask_cuts_a_pass_and_one_under_way_begins_with_the_span() -> None:
-    entries = list(parse_catalogue(with_checksums(LOW)))
+    entries = list(parse_element_sets(with_checksums(LOW)).entries)
     site = SITES[0]
     plain = found_by_us(entries, site, LimitsConfig(min_altitude_deg=10.0))
     assert plain
@@ -145,7 +145,7 @@ def test_a_horizon_mask_cuts_a_pass_and_one_under_way_begins_with_the_span() -> 
 
 def test_what_cannot_rise_there_is_not_looked_at_and_none_is_an_answer() -> None:
     equatorial = with_checksums(LOW).replace("  51.6400", "   5.0000")
-    entries = list(parse_catalogue(with_checksums(equatorial)))
+    entries = list(parse_element_sets(with_checksums(equatorial)).entries)
     assert list(night_passes(entries, SITES[1], (FROM, UNTIL), LimitsConfig())) == [(1, ())]
 
 
