@@ -20,6 +20,7 @@ from .elements.catalogue import object_places as object_places
 from .elements.catalogue import states_gcrs as states_gcrs
 from .elements.element_sets import ElementSets as ElementSets
 from .elements.element_sets import element_text as element_text
+from .elements.element_sets import first_few as first_few
 from .elements.element_sets import gunzipped as gunzipped
 from .elements.element_sets import not_used_words as not_used_words
 from .elements.element_sets import parse_element_sets as parse_element_sets

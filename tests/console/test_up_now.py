@@ -76,7 +76,7 @@ def test_the_belt_stays_up_is_sorted_and_a_wall_hides_some_of_it():
     from rsoconsole.pipeline import read_catalogue
     from rsoconsole.simulator import elements_path
 
-    entries = read_catalogue([elements_path()])
+    entries = read_catalogue([elements_path()]).entries
     found = visible_satellites(entries, SITE, NOW, LIMITS)
     assert len(found) > 5
     assert [up.alt_deg for up in found] == sorted((up.alt_deg for up in found), reverse=True)

@@ -129,7 +129,10 @@ def test_what_celestrak_sends_is_kept_and_read_with_numbers_of_six_digits(night:
     assert updated.is_fetched
     assert updated.kept.objects == 2
     assert night.server.asked == [f"{GP}?GROUP=geo&FORMAT=json"]
-    assert {each.norad_id for each in read_catalogue([night.store.folder])} == {36097, 412_345}
+    assert {each.norad_id for each in read_catalogue([night.store.folder]).entries} == {
+        36097,
+        412_345,
+    }
 
 
 def test_each_source_is_asked_where_it_lies(night: Night) -> None:
@@ -292,7 +295,7 @@ def test_a_server_that_misbehaves_is_one_sentence_and_what_was_kept_stays(
     assert "is kept" in updated.words
     assert "\n" not in updated.words
     assert updated.kept.fault is not None
-    assert len(read_catalogue([night.store.folder])) == 2
+    assert len(read_catalogue([night.store.folder]).entries) == 2
 
 
 def test_a_server_that_drips_is_left_at_the_deadline(night: Night) -> None:
@@ -389,19 +392,19 @@ def test_the_first_source_has_precedence_until_a_later_one_is_three_days_newer(
     order = [parse_source("supgp:intelsat"), parse_source("celestrak:geo")]
     night.store.set_sources(order)
     night.update("supgp:intelsat", "celestrak:geo")
-    (entry,) = read_catalogue([night.store.folder])
+    (entry,) = read_catalogue([night.store.folder]).entries
     assert entry.revolutions_a_day == pytest.approx(1.001)
     night.server.behaviours[GP] = sent(25, 1.002)
     night.now_utc_ns += 3 * HOUR_NS
     night.update("celestrak:geo")
-    (entry,) = read_catalogue([night.store.folder])
+    (entry,) = read_catalogue([night.store.folder]).entries
     assert entry.revolutions_a_day == pytest.approx(1.002)
 
 
 def test_a_damaged_index_loses_no_elements_and_is_written_again(night: Night) -> None:
     night.one(send(GOOD))
     (night.store.folder / "sources.json").write_text('{"sources": [{"source": 3}]}')
-    assert len(read_catalogue([night.store.folder])) == 2
+    assert len(read_catalogue([night.store.folder]).entries) == 2
     night.store.set_sources([parse_source("celestrak:geo")])
     night.now_utc_ns += 3 * HOUR_NS
     assert night.one(send(GOOD)).is_fetched
@@ -529,7 +532,9 @@ def test_a_file_that_is_added_is_used_without_any_network(
     assert row["in_use"] is True
     assert load_config().catalogue.tle_files == (default_folder(),)
     elements.unlink()
-    assert [each.norad_id for each in read_catalogue(load_config().catalogue.tle_files)] == [36097]
+    assert [
+        each.norad_id for each in read_catalogue(load_config().catalogue.tle_files).entries
+    ] == [36097]
     (row,) = verb("list")
     assert row["objects"] == 1
     assert server.asked == []
@@ -702,7 +707,7 @@ def test_a_folder_that_is_no_cache_is_said(tmp_path: Path) -> None:
 def test_the_cache_is_read_as_sgp4_reads_the_same_elements(night: Night) -> None:
     """Truth: the package sgp4's own reader of two lines, written out again."""
     night.one(send(INTELSAT.encode(), "text/plain"))
-    (entry,) = read_catalogue([night.store.folder])
+    (entry,) = read_catalogue([night.store.folder]).entries
     (direct,) = parse_element_sets(INTELSAT).entries
     assert exporter.export_tle(entry.record) == exporter.export_tle(direct.record)
     assert os.path.commonpath([night.store.folder, *night.store.files()]) == str(night.store.folder)

@@ -36,7 +36,7 @@ def found_by_us(
     entries: list[CatalogueEntry], site: Site, limits: LimitsConfig, *, is_low_only: bool = True
 ) -> list[NightPass]:
     every = night_passes(entries, site, (FROM, UNTIL), limits, is_low_only=is_low_only)
-    return [each for _, some in every for each in some]
+    return [each for _, some, _ in every for each in some]
 
 
 def found_by_skyfield(entry: CatalogueEntry, site: Site) -> list[tuple[float, float, float, float]]:
@@ -138,7 +138,7 @@ def test_a_horizon_mask_cuts_a_pass_and_one_under_way_begins_with_the_span() -> 
     middle = plain[0].top.t_utc_ns
     span = (middle, middle + 3600 * NS_PER_S)
     limits = LimitsConfig(min_altitude_deg=10.0)
-    ((_, (rest, *_)),) = night_passes(entries, site, span, limits)
+    ((_, (rest, *_), _),) = night_passes(entries, site, span, limits)
     assert rest.rise.t_utc_ns - middle < 2 * NS_PER_S
     assert rest.set.t_utc_ns == pytest.approx(plain[0].set.t_utc_ns, abs=2 * NS_PER_S)
 
@@ -146,7 +146,7 @@ def test_a_horizon_mask_cuts_a_pass_and_one_under_way_begins_with_the_span() -> 
 def test_what_cannot_rise_there_is_not_looked_at_and_none_is_an_answer() -> None:
     equatorial = with_checksums(LOW).replace("  51.6400", "   5.0000")
     entries = list(parse_element_sets(with_checksums(equatorial)).entries)
-    assert list(night_passes(entries, SITES[1], (FROM, UNTIL), LimitsConfig())) == [(1, ())]
+    assert list(night_passes(entries, SITES[1], (FROM, UNTIL), LimitsConfig())) == [(1, (), ())]
 
 
 def passes(*words: str, code: int = 0) -> str:

@@ -34,15 +34,24 @@ class ElementSets:
     @property
     def not_used_words(self) -> str:
         """How many sets are not used, the first of them, and why; empty where all are."""
-        return not_used_words(len(self.entries), self.not_used)
+        return not_used_words(len(self.entries), [each.words for each in self.not_used])
 
 
-def not_used_words(used: int, not_used: Sequence[UnusedSet]) -> str:
-    """Return how many of how many sets are not used, the first of them, and why; mostly empty."""
+def not_used_words(used: int, not_used: Sequence[str]) -> str:
+    """Return how many of how many sets are not used, the first of them, and why; mostly empty.
+
+    ``not_used``: words on each.
+    """
     if not not_used:
         return ""
     count, verb = len(not_used), "is" if len(not_used) == 1 else "are"
-    return f"{count:,} of {used + count:,} element sets {verb} not used: {_listed(not_used)}"
+    return f"{count:,} of {used + count:,} element sets {verb} not used: {first_few(not_used)}"
+
+
+def first_few(words: Sequence[str]) -> str:
+    """Return the first of many sentences in one, and how many more there are."""
+    more = len(words) - _NAMED
+    return "; ".join(words[:_NAMED]) + (f"; and {more:,} more" if more > 0 else "")
 
 
 def parse_element_sets(content: bytes | str, source: str = "catalogue") -> ElementSets:
@@ -67,19 +76,14 @@ def parse_element_sets(content: bytes | str, source: str = "catalogue") -> Eleme
     if entries:
         return ElementSets(entries=tuple(entries), not_used=tuple(not_used))
     if not_used:
-        raise OrbitError(f"{source} holds no element set that can be used: {_listed(not_used)}")
+        words = first_few([each.words for each in not_used])
+        raise OrbitError(f"no element set can be used: {words}")
     remark = remark_of(text)
     raise OrbitError(
         f"{source} holds no element set, but: {remark}"
         if remark
         else f"{source} holds no element set: two lines (TLE) or OMM are needed"
     )
-
-
-def _listed(sets: Sequence[UnusedSet]) -> str:
-    more = len(sets) - _NAMED
-    words = "; ".join(each.words for each in sets[:_NAMED])
-    return words + (f"; and {more:,} more" if more > 0 else "")
 
 
 def _refused(entry: CatalogueEntry, source: str) -> UnusedSet:
@@ -92,7 +96,7 @@ def _refused(entry: CatalogueEntry, source: str) -> UnusedSet:
 
 
 _JSON_KEY = re.compile(r'"(?:NORAD_CAT_ID|MEAN_MOTION|EPOCH)"\s*:', re.IGNORECASE)
-_XML_KEY = re.compile(r"<(?:[\w.-]+:)?(?:NORAD_CAT_ID|MEAN_MOTION|EPOCH)\b[^>]*>")
+_XML_KEY = re.compile(r"<(?:[\w.-]+:)?(?:omm|NORAD_CAT_ID|MEAN_MOTION|EPOCH)\b[^>]*>")
 _KVN_KEY = re.compile(
     r"^[ \t]*(?:CCSDS_OMM_VERS|NORAD_CAT_ID|MEAN_MOTION|EPOCH)[ \t]*=", re.MULTILINE | re.IGNORECASE
 )
@@ -214,21 +218,18 @@ def remark_of(text: str) -> str:
     200 characters that can be printed; empty for an empty list.
     """
     start = text.strip()
-    if not start:
-        return "the answer is empty"
-    if "\x00" in start:
-        return "it is no text"
+    if not start or "\x00" in start:
+        return "it is no text" if start else "the answer is empty"
     if start.startswith("<") or "<html" in start[:400].lower():
         words = next((each[2] for each in _PAGE_WORDS.finditer(start[:100_000])), "")
         plain = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", words)).split())
-        return _printable(f"a web page: {plain}" if plain else "a web page")
+        return _printable(plain or "a web page")
     if start.startswith(("[", "{", '"')):
         try:
             return _printable(omm_reader.text_of_values(parse_json(start)))
-        except RecursionError:
-            return TOO_DEEP
-        except ValueError as error:
-            return _printable(f"no JSON, {error}: {start}")
+        except (ValueError, RecursionError) as error:
+            why = TOO_DEEP if isinstance(error, RecursionError) else error
+            return _printable(f"no OMM in JSON: {why}: {start}")
     return _printable(start)
 
 

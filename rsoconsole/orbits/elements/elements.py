@@ -59,7 +59,9 @@ class UnusedSet:
         """Place, object and reason in one sentence."""
         number = self.norad_id
         named = self.name if number is None else catalogued_name(self.name, number)
-        return f"{', '.join(filter(None, (self.source, self.place, named)))}: {self.reason}"
+        where = ", ".join(filter(None, (self.source, self.place)))
+        of = f" [{named}]" if named else ""
+        return f"{where}: {self.reason}{of}" if where else f"{named}: {self.reason}"
 
 
 def parse_elements(text: str, source: str = "element sets") -> tuple[ElementSet, ...]:

@@ -223,29 +223,28 @@ def text_of_values(value: Any) -> str:
     return value if isinstance(value, str) else ""
 
 
+_PREFIX = r"(?:[\w.-]+:)?"
+_XML_UNITS = tuple(
+    (re.compile(rf"<{_PREFIX}{tag}(?=[\s>])"), re.compile(rf"</{_PREFIX}{tag}\s*>"))
+    for tag in ("segment", "omm")
+)
+_XML_KEY = re.compile(rf"<{_PREFIX}(?:EPOCH|MEAN_MOTION|NORAD_CAT_ID)[\s>]")
+
+
 def xml_messages(text: str) -> Iterator[Message]:
     """Yield the messages of XML, with any namespace or prefix, alone or in an NDM."""
-    number = 0
-    starts = [each.start() for each in _XML_START.finditer(text)]
-    if _XML_KEY.search(text, 0, starts[0] if starts else len(text)):
-        number += 1
-        yield f"object {number}", "no OMM in XML: its first tag cannot be read"
-    for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
-        number += 1
-        close = _XML_END.search(text, start, end)
-        last = close.end() if close else end
-        yield f"object {number}", _xml_fields(text[start:last])
-        rest = _XML_BETWEEN.sub("", text[last:end]).strip()
-        if rest:
+    number, after = 1, 0
+    first, last = next((each for each in _XML_UNITS if each[0].search(text)), _XML_UNITS[0])
+    starts = [each.start() for each in first.finditer(text)]
+    for start, end in zip([*starts, len(text)], [*starts[1:], len(text), len(text)], strict=True):
+        if _XML_KEY.search(text, after, start):
+            yield f"object {number}", "no OMM in XML: its first tag cannot be read"
             number += 1
-            yield f"object {number}", f"no OMM in XML: {rest[:40]!r}"
-
-
-_PREFIX = r"(?:[\w.-]+:)?"
-_XML_START = re.compile(rf"<{_PREFIX}omm(?=[\s>])")
-_XML_END = re.compile(rf"</{_PREFIX}omm\s*>")
-_XML_KEY = re.compile(rf"<{_PREFIX}(?:EPOCH|MEAN_MOTION|NORAD_CAT_ID)[\s>]")
-_XML_BETWEEN = re.compile(rf"<!--.*?-->|<\?.*?\?>|</?{_PREFIX}ndm(?:\s[^>]*)?>", re.DOTALL)
+        if start < len(text):
+            close = last.search(text, start, end)
+            after = close.end() if close else end
+            yield f"object {number}", _xml_fields(text[start:after])
+            number += 1
 
 
 def _xml_fields(text: str) -> Fields | str:

@@ -189,7 +189,7 @@ def _file_content(path: Path) -> bytes:
 def _words(before: SourceStatus, now: SourceStatus) -> str:
     words = f"{now.objects:,} objects"
     if now.not_used:
-        words += f", {not_used_words(now.sets, now.not_used)}"
+        words += f", {not_used_words(now.sets, [each.words for each in now.not_used])}"
     if before.objects and now.objects < before.objects / 2:
         words += f", {before.objects:,} before: look whether the source has changed"
     return words
