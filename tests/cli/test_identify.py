@@ -333,7 +333,10 @@ GOOD = omm(geostationary(90001, -60.0))
         ("[1, 2]", "holds no element set"),
         ("<ndm><omm>", "no OMM in XML"),
         (json.dumps([1, {**GOOD, "EPOCH": "soon"}]), "object 2: 'soon' is not a time"),
-        (json.dumps({**GOOD, "MEAN_MOTION": "fast"}), "object 1: MEAN_MOTION is 'fast', not a number"),
+        (
+            json.dumps({**GOOD, "MEAN_MOTION": "fast"}),
+            "object 1: MEAN_MOTION is 'fast', not a number",
+        ),
         (json.dumps({k: v for k, v in GOOD.items() if k != "BSTAR"}), "BSTAR is missing"),
         (json.dumps({**GOOD, "TIME_SYSTEM": "TAI"}), "TIME_SYSTEM is TAI"),
         (json.dumps({**GOOD, "MEAN_ELEMENT_THEORY": "SGP4-XP"}), "MEAN_ELEMENT_THEORY is SGP4-XP"),

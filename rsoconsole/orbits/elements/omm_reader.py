@@ -98,8 +98,9 @@ def _entry(fields: Fields) -> CatalogueEntry:
         revolutions_a_day * radians_a_minute,
         math.radians(node_deg),
     )
-    record.classification = str(fields.get("CLASSIFICATION_TYPE", "U"))[:1]
-    record.intldesg = str(fields.get("OBJECT_ID", ""))[2:].replace("-", "")
+    kind, designator = str(fields.get("CLASSIFICATION_TYPE", "U")), str(fields.get("OBJECT_ID", ""))
+    record.classification = kind[0] if kind.isascii() and kind.isalpha() else "U"
+    record.intldesg = designator[2:].replace("-", "")[:8] if designator.isascii() else ""
     record.elnum, record.revnum = (
         _count(fields, key) for key in ("ELEMENT_SET_NO", "REV_AT_EPOCH")
     )
@@ -312,23 +313,34 @@ def kvn_messages(text: str) -> Iterator[Message]:
     """Yield the messages of lines KEY = value, one after another."""
     fields: dict[str, str] = {}
     place, fault, before = "", "", ""
+    torn: tuple[str, str] | None = None
+    """Damaged line, and what is wrong with it, of which the message is not known yet."""
     for number, raw in enumerate(text.split("\n"), start=1):
         line = raw.strip()
+        if not line and torn and fields:
+            fault, torn = fault or torn[1], None
         if not line or line == before or line.upper().startswith("COMMENT"):
             continue
         before = line
         found = _KVN_LINE.fullmatch(line)
-        key = found[1].upper() if found else ""
+        if found is None:
+            words = f"{line[:40]!r} in line {number} is not KEY = value"
+            torn = torn or (f"line {number}", words)
+            continue
+        key = found[1].upper()
         if key in _KVN_FIRST and key in fields:
+            if torn and key == _KVN_FIRST[0]:
+                fault, torn = fault or torn[1], None
             yield place, fault or fields
             fields, place, fault = {}, "", ""
+        if torn:  # before another than the first key it was the first line
+            fault, torn = fault or torn[1], None
         place = place or f"line {number}"
-        if found is None:
-            fault = fault or f"{line[:40]!r} in line {number} is not KEY = value"
-            continue
         unit = _KVN_UNIT.fullmatch(found[2])
         value = unit[1] if unit else found[2]
         if fields.setdefault(key, value) != value and key in _READ:
             fault = fault or f"{key} stands twice"
-    if fields or fault:
+    if fields:
         yield place, fault or fields
+    if torn:
+        yield torn
