@@ -108,7 +108,7 @@ def _sets(text: str) -> Iterator[CatalogueEntry | UnusedSet]:
     head = text.lstrip().partition("\n")[0]
     if _JSON_KEY.search(text):
         _expect_fewer(sum(map(text.count, ('"NORAD_CAT_ID"', '"norad_cat_id"'))))
-        messages = omm_reader.json_messages(text)
+        messages = omm_reader.json_messages(text.replace("\f", " "))
     elif _XML_KEY.search(text):
         _expect_fewer(sum(1 for _ in re.finditer(r"<(?:[\w.-]+:)?NORAD_CAT_ID\b", text)))
         messages = omm_reader.xml_messages(text)

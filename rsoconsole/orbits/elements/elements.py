@@ -161,8 +161,9 @@ def _sign(text: str) -> str:
 
 
 def _filled_power(text: str) -> str:
-    mantissa, exponent = text[1:6].strip().zfill(5), text[6:].replace(" ", "+") or "+0"
-    return f"{_sign(text)}{mantissa}{exponent}"
+    if not text.strip():
+        return " 00000+0"
+    return f"{_sign(text)}{text[1:6].strip().zfill(5)}{text[6:].replace(' ', '+')}"
 
 
 def _filled_rate(text: str) -> str:
