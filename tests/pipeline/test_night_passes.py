@@ -187,3 +187,59 @@ def test_the_verb_says_what_is_wrong(elements: Path, tmp_path: Path) -> None:
     assert "say how long with --hours" in passes(*bright, code=1)
     none = passes("--tle", str(elements), "--at", "2023-06-22T01:00:00Z", "--top", "89.9")
     assert none.startswith("no pass from 2023-06-22 01:00")
+
+
+BAD = """BADSAT
+1 25545U 98067A   24001.50000000  .00016717  00000-0  10270-3 0  9009
+2 25545  51.6400 208.9163 0006317  69.9862  25.2906 15.49560532430803
+"""
+# So low and dragged that it comes down within a day of its epoch.
+DOWN = with_checksums(
+    LOW.replace("ISS (ZARYA)", "COMES DOWN")
+    .replace("25544", "25546")
+    .replace(" 18000-3", " 99999-1")
+    .replace("15.50000000", "16.40000000")
+)
+
+
+def both(*words: str, code: int = 0) -> tuple[str, str]:
+    """What the verb prints, and what it says on stderr or as its error."""
+    done = CliRunner().invoke(app, ["passes", *words])
+    assert done.exit_code == code, done.output
+    error = "" if done.exception is None else str(done.exception)
+    return done.stdout, " ".join(f"{done.stderr} {error}".split())
+
+
+def test_a_bad_set_is_named_and_the_others_are_listed(elements: Path, tmp_path: Path) -> None:
+    when = ("--at", "2023-06-22T01:00:00Z", "--hours", "24", "--top", "10", "--all")
+    alone, _ = both("--tle", str(elements), *when)
+    path = tmp_path / "onebad.tle"
+    path.write_text(f"{BAD}{elements.read_text()}", encoding="ascii")
+    listed, said = both("--tle", str(path), *when)
+    assert listed == alone
+    assert f"1 of 2 element sets is not used: {path}, line 2: checksum '9' should be 0" in said
+    *rows, last = map(json.loads, both("--tle", str(path), *when, "--json")[0].splitlines())
+    assert rows
+    expect_documented("passes, not used", last)
+    (bad,) = last["not_used"]
+    assert (bad["norad_id"], bad["name"], bad["place"]) == (25545, "BADSAT", "line 2")
+    _, why = both("--tle", str(path), "--norad", "25545", code=1)
+    assert "no elements of 25545" in why
+    assert "checksum '9' should be 0" in why
+
+
+def test_an_object_without_a_place_is_named_and_not_said_to_stay_below(
+    elements: Path, tmp_path: Path
+) -> None:
+    when = ("--at", "2023-07-22T01:00:00Z", "--hours", "24", "--all", "--top", "0")
+    path = tmp_path / "down.tle"
+    path.write_text(DOWN, encoding="ascii")
+    listed, said = both("--tle", str(path), *when, code=1)
+    assert listed == ""
+    assert "no object can be propagated there: COMES DOWN (25546): SGP4 has no place" in said
+    listed, said = both("--tle", str(path), "--tle", str(elements), *when)
+    assert "ISS (ZARYA)" in listed
+    assert "1 object without a place in all of the time: COMES DOWN (25546)" in said
+    words = both("--tle", str(path), "--tle", str(elements), *when, "--json")[0].splitlines()
+    (lost,) = json.loads(words[-1])["not_used"]
+    assert lost["norad_id"] == 25546
