@@ -298,6 +298,43 @@ def test_a_server_that_misbehaves_is_one_sentence_and_what_was_kept_stays(
     assert len(read_catalogue([night.store.folder]).entries) == 2
 
 
+def test_of_what_comes_a_bad_set_costs_itself_alone_and_is_named(night: Night) -> None:
+    three = [omm("ONE", 1), omm("TWO", 2, epoch="soon"), omm("THREE", 3)]
+    updated = night.one(send(json.dumps(three).encode()))
+    assert updated.is_fetched
+    assert "2 objects, 1 of 3 element sets is not used" in updated.words
+    assert "object 2: 'soon' is not a time" in updated.words
+    (bad,) = night.store.statuses()["celestrak:geo"].not_used
+    assert (bad.norad_id, bad.name, bad.place) == (2, "TWO", "object 2")
+    read = read_catalogue([night.store.folder])
+    assert ([each.norad_id for each in read.entries], len(read.not_used)) == ([1, 3], 1)
+
+
+def test_of_an_answer_that_ends_too_early_the_whole_objects_are_kept(night: Night) -> None:
+    updated = night.one(endless(GOOD[:-40], len(GOOD) - 40))
+    assert updated.kept.objects == 1
+    assert "1 of 2 element sets is not used" in updated.words
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (b"GP data has not updated since\nyour last successful download", "not updated since your"),
+        (b'[{"error":"You have violated your query rate limit"}]', "but: You have violated"),
+        (b"<html><title>Busy</title></html>", "but: Busy"),
+        (b"no such key hunter22 here", "no such key ... here"),
+    ],
+)
+def test_what_a_server_says_is_quoted_without_what_the_address_keeps_secret(
+    night: Night, body: bytes, words: str
+) -> None:
+    night.server.default = send(body)
+    (updated,) = night.update(f"url:{night.server.url}/x?key=hunter22")
+    assert updated.is_fault
+    assert words in updated.words
+    assert "hunter" not in updated.words
+
+
 def test_a_server_that_drips_is_left_at_the_deadline(night: Night) -> None:
     updated = night.one(drip(8.0), deadline_s=0.5)
     assert updated.is_fault
@@ -538,6 +575,19 @@ def test_a_file_that_is_added_is_used_without_any_network(
     (row,) = verb("list")
     assert row["objects"] == 1
     assert server.asked == []
+
+
+def test_a_file_with_a_bad_set_is_added_and_it_is_named(home: Path, tmp_path: Path) -> None:
+    elements = tmp_path / "two.tle"
+    elements.write_text(INTELSAT + INTELSAT.replace("36097", "36098"))
+    for row in verb("add", str(elements)) + verb("list"):
+        expect_documented("catalogue list", row)
+        assert row["objects"] == 1
+        (bad,) = row["not_used"]  # type: ignore[misc]
+        assert bad["norad_id"] == 36098
+        assert "checksum" in bad["words"]
+    done = CliRunner().invoke(app, ["catalogue", "list"])
+    assert "1 of 2 element sets is not used" in done.stdout
 
 
 def test_sources_are_added_updated_and_listed(home: Path, server: BadServer) -> None:
