@@ -14,8 +14,7 @@ from xml.parsers import expat
 
 from sgp4.api import WGS72, Satrec
 
-from rsoconsole.base import OrbitError
-from rsoconsole.base.foreign_text import TOO_DEEP
+from rsoconsole.base import TOO_DEEP, OrbitError
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry
 from rsoconsole.orbits.elements.elements import (
     MAX_BSTAR,
