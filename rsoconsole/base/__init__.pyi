@@ -22,9 +22,11 @@ from .fault_text import NOT_FINITE as NOT_FINITE
 from .fault_text import nearest_name as nearest_name
 from .fault_text import plain_fault as plain_fault
 from .foreign_text import MAX_DATA_BYTES as MAX_DATA_BYTES
+from .foreign_text import TOO_DEEP as TOO_DEEP
 from .foreign_text import parse_json as parse_json
 from .foreign_text import parse_toml as parse_toml
 from .foreign_text import read_foreign_text as read_foreign_text
+from .foreign_text import read_named_bytes as read_named_bytes
 from .foreign_text import read_named_file as read_named_file
 from .foreign_text import read_private_lines as read_private_lines
 from .indi_port import INDI_PORT as INDI_PORT

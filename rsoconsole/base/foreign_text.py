@@ -23,6 +23,11 @@ def read_foreign_text(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str 
 
     Raises OSError, also where the file is not regular or is larger, and UnicodeDecodeError.
     """
+    content = _read_regular_file(path, most_bytes)
+    return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _read_regular_file(path: Path, most_bytes: int) -> bytes:
     # A pipe that nobody writes to would be waited for already when it is opened.
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     with os.fdopen(descriptor, "rb") as file:
@@ -31,7 +36,7 @@ def read_foreign_text(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str 
         content = file.read(most_bytes + 1)
     if len(content) > most_bytes:
         raise OSError(f"it is larger than {most_bytes >> 20} MB")
-    return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+    return content
 
 
 def read_private_lines(path: Path, fault: type[Exception], remedy: str) -> list[str]:
@@ -50,15 +55,24 @@ def read_private_lines(path: Path, fault: type[Exception], remedy: str) -> list[
 
 
 def read_named_file(path: Path, fault: type[Exception], absent: str) -> str:
-    """Return the text of a data file that the user named, of at most MAX_DATA_BYTES.
+    """Return the text of a data file that the user named, as ``read_named_bytes`` reads it."""
+    content = read_named_bytes(path, fault, absent)
+    try:
+        return content.decode().replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        raise fault(f"{path} cannot be read: {error}") from error
+
+
+def read_named_bytes(path: Path, fault: type[Exception], absent: str) -> bytes:
+    """Return the content of a data file that the user named, of at most MAX_DATA_BYTES.
 
     Raises ``fault`` where it cannot be read; ``absent``: remedy in the message for a missing file.
     """
     try:
-        return read_foreign_text(path, most_bytes=MAX_DATA_BYTES)
+        return _read_regular_file(path, MAX_DATA_BYTES)
     except FileNotFoundError as error:
         raise fault(f"{path} does not exist: {absent}") from error
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise fault(f"{path} cannot be read: {error}") from error
 
 

@@ -276,8 +276,8 @@ class CatalogueConfig(Section):
 
     tle_files: tuple[Path, ...] = Field(
         (),
-        description="element sets, as published: TLE, or OMM as XML, JSON or CSV; a folder: what"
-        " 'rsoconsole catalogue update' keeps there",
+        description="element sets, as published: TLE, or OMM as XML, JSON, CSV or KVN; a folder:"
+        " what 'rsoconsole catalogue update' keeps there",
     )
     sources: tuple[str, ...] = Field(
         (),

@@ -17,7 +17,7 @@ from rsoconsole.library._given import (
     resolve_config,
     site_of,
 )
-from rsoconsole.library.identification import ElementsLike, element_entries
+from rsoconsole.library.identification import ElementsLike, given_element_sets
 from rsoconsole.pipeline import (
     MAX_FIELD_DEG,
     FieldPoint,
@@ -64,7 +64,8 @@ def crossings(
     ``elements_age``: negative where the elements are newer. ``sigma``: one sigma of the times by
     that age, without a manoeuvre.
 
-    ``meta["not_propagated"]``: names of objects to which SGP4 gives no place for all of the time.
+    ``meta["not_used"]``: a sentence on each element set that cannot be read, and on each object
+    for which SGP4 has no place in all of the time.
 
     Raises OrbitError for element sets that cannot be read or are missing, InputError for a value
     out of range.
@@ -92,9 +93,10 @@ def crossings(
         dec_icrs_deg=dec_deg,
         diameter_deg=field_deg,
     )
+    sets = given_element_sets(tle, None, loaded.catalogue)
     parts = list(
         field_crossings(
-            element_entries(tle, None, loaded.catalogue),
+            sets.entries,
             of,
             (begin_ns, begin_ns + round(hours * 3600.0 * NS_PER_S)),
             catalogue_errors(loaded.catalogue),
@@ -103,8 +105,8 @@ def crossings(
     found = sorted(
         (each for some in parts for each in some.crossings), key=lambda each: each.enter.t_utc_ns
     )
-    lost = [each.name or str(each.norad_id) for some in parts for each in some.lost]
-    table = QTable(meta={"not_propagated": lost})
+    not_used = [*sets.not_used, *(each for some in parts for each in some.lost)]
+    table = QTable(meta={"not_used": tuple(each.words for each in not_used)})
     table["norad_id"] = np.array([each.norad_id for each in found], np.int64)
     table["name"] = np.array([each.name for each in found], str)
     ends: dict[str, list[FieldPoint]] = {

@@ -16,7 +16,13 @@ from rsoconsole.library.known_orbit import Orbit
 from rsoconsole.library.notebook.session import Session
 from rsoconsole.library.tracking import Track, Tracks
 from rsoconsole.night import NightTrack
-from rsoconsole.orbits import CatalogueEntry, MeasuredDirections, identify_jointly, parse_catalogue
+from rsoconsole.orbits import (
+    ElementSets,
+    MeasuredDirections,
+    UnusedSet,
+    identify_jointly,
+    parse_element_sets,
+)
 from rsoconsole.orbits import Identification as Found
 from rsoconsole.pipeline import (
     catalogue_errors,
@@ -36,9 +42,13 @@ Verdict = Literal["identified", "ambiguous", "unknown"]
 class Identification:
     """Result of the identification of one track; differences are measured minus predicted."""
 
-    def __init__(self, found: Found, seen: MeasuredDirections) -> None:
+    def __init__(
+        self, found: Found, seen: MeasuredDirections, not_used: tuple[UnusedSet, ...] = ()
+    ) -> None:
         self._found = found
         self._seen = seen
+        self.not_used = not_used
+        """Element sets of the files that could not be used, each with its reason."""
 
     @property
     def verdict(self) -> Verdict:
@@ -138,7 +148,7 @@ class Identification:
 
 
 ElementsLike: TypeAlias = str | PathLike[str] | Sequence[str | PathLike[str]]
-"""Paths of files of element sets (TLE, OMM as XML, JSON or CSV), or the text of such a file."""
+"""Paths of files of element sets (TLE, OMM as XML, JSON, CSV, KVN), or the text of such a file."""
 
 
 class IdentifyKeywords(TypedDict, total=False):
@@ -186,8 +196,8 @@ def identify(
     object, a file, or a session's path; or all tracks of ``rso.track``, or a session of
     ``rso.open_session``. Several tracks are identified together, because one catalogued object can
     be only one of them.
-    ``tle``: files of element sets (TLE; OMM as XML, JSON, CSV), or their text; None: the files of
-    ``catalogue.tle_files`` in the configuration, or those that a session was recorded with.
+    ``tle``: files of element sets (TLE; OMM as XML, JSON, CSV, KVN), or their text; None: the files
+    of ``catalogue.tle_files`` in the configuration, or those that a session was recorded with.
     ``gate``: largest separation of an object from the track, degrees.
     ``track``: number of the only track to return, as ``night.tracks`` numbers them; None: the
     longest track of a path, all tracks of a session.
@@ -195,9 +205,10 @@ def identify(
     gives the errors of the elements.
 
     Returns an ``rso.Identification``; for several tracks a dict of them by track number.
-    "ambiguous" and "unknown" are results too.
+    "ambiguous" and "unknown" are results too. Element sets that cannot be used are in
+    ``not_used`` of each.
 
-    Raises OrbitError for element sets that cannot be read or are missing; else as ``rso.orbit``
+    Raises OrbitError where no element set can be used, and for missing files; else as ``rso.orbit``
     does.
 
     >>> name = rso.identify(found, tle="catalogue.tle")
@@ -207,15 +218,19 @@ def identify(
     if not 0.0 < gate_deg <= 5.0:
         raise InputError(f"gate: {gate_deg:g} deg must be above 0, and 5 at most")
     catalogue = resolve_config(config).catalogue
-    entries = element_entries(tle, observations, catalogue)
+    sets = given_element_sets(tle, observations, catalogue)
     ask = CallerValues(sigma=sigma, site=site, target=target, radians=radians, config=config)
     seen, where, chosen = _seen(observations, ask, track)
     arcs = {name: longest_arc(each) for name, each in seen.items()}
     named = identify_jointly(
-        list(arcs.values()), where, entries, gate_deg=gate_deg, errors=catalogue_errors(catalogue)
+        list(arcs.values()),
+        where,
+        sets.entries,
+        gate_deg=gate_deg,
+        errors=catalogue_errors(catalogue),
     )
     found = {
-        name: Identification(each, arc)
+        name: Identification(each, arc, sets.not_used)
         for (name, arc), each in zip(arcs.items(), named, strict=True)
     }
     return found if chosen is None else found[chosen]
@@ -245,12 +260,12 @@ def _seen(
     return seen, groups[0].site, answers
 
 
-def element_entries(
+def given_element_sets(
     tle: ElementsLike | None, what: Any, catalogue: CatalogueConfig
-) -> tuple[CatalogueEntry, ...]:
+) -> ElementSets:
     """Element sets that ``tle`` is; where None those configured, or of the session ``what``."""
     if isinstance(tle, str) and "\n" in tle:
-        return parse_catalogue(tle, "the text")
+        return parse_element_sets(tle, "the text")
     if isinstance(tle, str | PathLike):
         files = [Path(fspath(tle)).expanduser()]
     elif tle is not None and not isinstance(tle, Sequence):

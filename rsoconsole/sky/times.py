@@ -29,7 +29,7 @@ TT_MINUS_TAI_S = 32.184
 ARCSEC_RAD = np.pi / 648_000.0
 
 _ISO = re.compile(
-    r"(\d{4})-(\d{2})-(\d{2})[T ](\d{2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9})\d*)?)?"
+    r"(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))[T ](\d{2}):(\d{2})(?::(\d{2})(?:\.(\d{1,9})\d*)?)?"
     r"(Z|[+-]\d{2}:?\d{2})?",
     re.ASCII,
 )
@@ -43,24 +43,35 @@ def day_of(t_utc_ns: int) -> date:
 def iso_to_utc_ns(text: str) -> int:
     """Parse an ISO 8601 instant to UTC nanoseconds; without an offset it is taken as UTC.
 
+    The day may be one of the year: 2023-173T03:04:05.
+
     Digits beyond the nanosecond are dropped. Raises ValueError for anything else: a time that
     cannot be read never becomes another time.
     """
     match = _ISO.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None:
         raise ValueError(f"{text!r} is not a time: write it like 2023-06-22T03:04:05.678Z")
-    year, month, day, hour, minute = (int(match[i]) for i in range(1, 6))
-    second = int(match[6] or 0)
+    hour, minute, second = int(match[5]), int(match[6]), int(match[7] or 0)
     if hour > 23 or minute > 59 or second > 59:
         raise ValueError(f"{text!r} is not a time of day between 00:00:00 and 23:59:59")
     try:
-        days = date(year, month, day).toordinal() - date(1970, 1, 1).toordinal()
+        day = _day(int(match[1]), match[2], match[3], match[4])
     except ValueError as error:
         raise ValueError(f"{text!r} is not a date: {error}") from error
-    nanoseconds = int((match[7] or "0").ljust(9, "0"))
-    offset_s = _offset_s(match[8])
-    total_s = days * 86_400 + hour * 3600 + minute * 60 + second - offset_s
+    nanoseconds = int((match[8] or "0").ljust(9, "0"))
+    days = day - date(1970, 1, 1).toordinal()
+    total_s = days * 86_400 + hour * 3600 + minute * 60 + second - _offset_s(match[9])
     return total_s * NS_PER_S + nanoseconds
+
+
+def _day(year: int, month: str | None, day: str | None, of_year: str | None) -> int:
+    """Ordinal of a day. Raises ValueError where the year has no such day."""
+    if month is not None and day is not None:
+        return date(year, int(month), int(day)).toordinal()
+    first, number = date(year, 1, 1).toordinal(), int(of_year or 0)
+    if not 1 <= number <= date(year, 12, 31).toordinal() - first + 1:
+        raise ValueError(f"{year} has no day {number}")
+    return first + number - 1
 
 
 def _offset_s(zone: str | None) -> int:

@@ -17,7 +17,7 @@ from rsoconsole.orbits import (
     Identification,
     MeasuredDirections,
     covariance_rtn,
-    parse_catalogue,
+    parse_element_sets,
     reduce_directions,
     states_gcrs,
 )
@@ -88,7 +88,9 @@ def trial(
     age_days: float, count: int, errors: FloatArray | None, random: np.random.Generator
 ) -> tuple[Counter[str], Counter[str]]:
     """Answers for ``count`` objects with the catalogue as it is, and with the object taken out."""
-    entries = parse_catalogue((TLES / "geo_all_20230622.tle").read_text(encoding="ascii"))
+    entries = parse_element_sets(
+        (TLES / "geo_all_20230622.tle").read_text(encoding="ascii")
+    ).entries
     epoch_ns = int(np.median([each.epoch_utc_ns for each in entries]))
     start_ns = epoch_ns + round(age_days * NS_PER_DAY)
     t = start_ns + np.arange(SEEN) * round(CADENCE_S * NS_PER_S)
@@ -122,7 +124,9 @@ def main() -> None:
         whole, without = trial(age, count, chosen, random)
         words = "undisturbed" if kind is None else f"kept in slots, {kind[0]} to {kind[1]} days"
         print(f"{age:5.1f} days, {words}: {dict(whole)}; taken out: {dict(without)}")
-    entries = parse_catalogue((TLES / "geo_all_20230622.tle").read_text(encoding="ascii"))
+    entries = parse_element_sets(
+        (TLES / "geo_all_20230622.tle").read_text(encoding="ascii")
+    ).entries
     many = [
         CatalogueEntry(
             name=each.name,

@@ -21,7 +21,7 @@ from rsoconsole.orbits import (
     MeasuredDirections,
     covariance_rtn,
     identify_jointly,
-    parse_catalogue,
+    parse_element_sets,
 )
 from rsoconsole.orbits.identification.element_errors import UNDISTURBED
 from rsoconsole.records import FloatArray, Site
@@ -107,7 +107,9 @@ def answer(found: Identification, norad_id: int, *, is_known: bool) -> str:
 
 def main(nights: int = 100) -> None:
     """Print the answers by slot and kind of error."""
-    entries = parse_catalogue((TLES / "geo_all_20230622.tle").read_text(encoding="ascii"))
+    entries = parse_element_sets(
+        (TLES / "geo_all_20230622.tle").read_text(encoding="ascii")
+    ).entries
     history, random = measured_errors(), np.random.default_rng(11)
     both: list[Counter[str]] = [Counter(), Counter()]
     twice, spent_s = [0, 0], [0.0, 0.0]

@@ -20,7 +20,7 @@ from rsoconsole.orbits import (
     correlate_tracks,
     determine_orbit,
     mid_track_direction_and_rates,
-    parse_catalogue,
+    parse_element_sets,
 )
 from rsoconsole.orbits.identification.uncorrelated import track_log_density
 from rsoconsole.words import NS_PER_DAY, NS_PER_S
@@ -59,7 +59,7 @@ def kept_of(number: int, seen: MeasuredDirections) -> EarlierTrack:
 def histories(minutes: float, pairs: int, random: np.random.Generator) -> None:
     """The three satellites, a night and one so many days later."""
     text = (TLES / "geo_3sats_history_2019_2025.tle").read_text(encoding="ascii")
-    entries = parse_catalogue(text)
+    entries = parse_element_sets(text).entries
     numbers = sorted({each.norad_id for each in entries})
     own = {
         n: sorted((e for e in entries if e.norad_id == n), key=lambda e: e.epoch_utc_ns)
@@ -91,7 +91,9 @@ def histories(minutes: float, pairs: int, random: np.random.Generator) -> None:
 
 def others(minutes: float, gap_days: float, random: np.random.Generator) -> None:
     """All of the element file against forty of them."""
-    entries = parse_catalogue((TLES / "geo_all_20230622.tle").read_text(encoding="ascii"))
+    entries = parse_element_sets(
+        (TLES / "geo_all_20230622.tle").read_text(encoding="ascii")
+    ).entries
     at = int(np.median([each.epoch_utc_ns for each in entries]))
     later = at + round(gap_days * NS_PER_DAY)
     up = {e.norad_id: e for e in visible(entries, at)}

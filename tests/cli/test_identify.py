@@ -21,7 +21,7 @@ from rsoconsole.orbits import (
     covariance_rtn,
     manoeuvred_probability,
     nearest_epoch_entries,
-    parse_catalogue,
+    parse_element_sets,
     parse_elements,
     states_gcrs,
 )
@@ -48,7 +48,7 @@ TENTH_ARCSEC = 0.1
 
 def catalogue(*elements: ElementSet) -> tuple[CatalogueEntry, ...]:
     lines = [f"{each.name or each.norad_id}\n{each.line_1}\n{each.line_2}" for each in elements]
-    return parse_catalogue("\n".join(lines))
+    return parse_element_sets("\n".join(lines)).entries
 
 
 def later(elements: ElementSet, by_s: float) -> ElementSet:
@@ -85,7 +85,7 @@ class TestRealObservations:
 
     def read(self, observation: str, elements: str) -> tuple[tuple[CatalogueEntry, ...], ...]:
         text = (SHARED / "tles" / elements).read_text(encoding="ascii")
-        return (parse_catalogue(text, elements),)
+        return (parse_element_sets(text, elements).entries,)
 
     def test_the_object_is_named_and_the_runner_up_shown(
         self, observation: str, elements: str, norad_id: int, off_arcsec: float
@@ -296,7 +296,7 @@ def as_csv(messages: list[dict[str, object]]) -> str:
 @pytest.mark.parametrize("write", [json.dumps, as_xml, as_csv])
 def test_two_lines_and_omm_in_any_dress_put_the_object_at_one_place(write: object) -> None:
     sets = [parse_elements(ISS)[0], geostationary(90001, -60.0, name="OURS")]
-    read = parse_catalogue(write([omm(each) for each in sets]))  # type: ignore[operator]
+    read = parse_element_sets(write([omm(each) for each in sets])).entries  # type: ignore[operator]
     lines = catalogue(*sets)
     assert [each.norad_id for each in read] == [25544, 90001]
     assert [each.name for each in read] == ["ISS (ZARYA)", "OURS"]
@@ -307,7 +307,7 @@ def test_two_lines_and_omm_in_any_dress_put_the_object_at_one_place(write: objec
 
 def test_omm_carries_numbers_for_which_two_lines_have_no_room() -> None:
     message = omm(geostationary(90001, -60.0), NORAD_CAT_ID=799_501_234)
-    (entry,) = parse_catalogue(json.dumps(message))
+    (entry,) = parse_element_sets(json.dumps(message)).entries
     assert entry.norad_id == 799_501_234
     assert np.all(np.isfinite(states_gcrs([entry], instants(0.0, 1))[0]))
 
@@ -330,10 +330,13 @@ GOOD = omm(geostationary(90001, -60.0))
         ("No GP data found", "holds no element set"),
         ("[]", "holds no element set"),
         ("[{", "no OMM in JSON"),
-        ("[1, 2]", "a list of objects is needed"),
+        ("[1, 2]", "holds no element set"),
         ("<ndm><omm>", "no OMM in XML"),
-        (json.dumps([GOOD, {**GOOD, "EPOCH": "soon"}]), "object 2: 'soon' is not a time"),
-        (json.dumps({**GOOD, "MEAN_MOTION": "fast"}), "object 1: could not convert"),
+        (json.dumps([1, {**GOOD, "EPOCH": "soon"}]), "object 2: 'soon' is not a time"),
+        (
+            json.dumps({**GOOD, "MEAN_MOTION": "fast"}),
+            "object 1: MEAN_MOTION is 'fast', not a number",
+        ),
         (json.dumps({k: v for k, v in GOOD.items() if k != "BSTAR"}), "BSTAR is missing"),
         (json.dumps({**GOOD, "TIME_SYSTEM": "TAI"}), "TIME_SYSTEM is TAI"),
         (json.dumps({**GOOD, "MEAN_ELEMENT_THEORY": "SGP4-XP"}), "MEAN_ELEMENT_THEORY is SGP4-XP"),
@@ -342,9 +345,9 @@ GOOD = omm(geostationary(90001, -60.0))
 )
 def test_what_is_no_catalogue_is_refused_by_name(text: str, complaint: str) -> None:
     with pytest.raises(OrbitError, match=complaint) as refused:
-        parse_catalogue(text, "night.tle")
+        parse_element_sets(text, "night.tle")
     assert "night.tle" in str(refused.value)
 
 
 def test_a_mark_of_byte_order_and_blank_lines_do_no_harm(tmp_path: Path) -> None:
-    assert parse_catalogue("\ufeff\n\n" + ISS)[0].norad_id == 25544
+    assert parse_element_sets("\ufeff\n\n" + ISS).entries[0].norad_id == 25544

@@ -15,7 +15,7 @@ from rsoconsole.console.dialogs.ask import UNREAD, GotoDialog
 from rsoconsole.console.dialogs.up_list import VisibleSatellitesDialog
 from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.control import Outcome
-from rsoconsole.orbits import parse_catalogue
+from rsoconsole.orbits import parse_element_sets
 from rsoconsole.pipeline import visible_satellites
 from rsoconsole.sky import iso_to_utc_ns
 from tests.rigs.seat_rig import PREVIEW, FakeWire, can_answer, play, until
@@ -56,7 +56,7 @@ def pass_begins() -> int:
 
 
 def test_a_low_satellite_is_up_for_minutes_as_skyfield_has_them():
-    entries = parse_catalogue(with_checksums(LOW))
+    entries = parse_element_sets(with_checksums(LOW)).entries
     begins = pass_begins()
     t_utc_ns = NOW + begins * 60 * 10**9
     (up,) = visible_satellites(entries, SITE, t_utc_ns, LIMITS)
@@ -76,7 +76,7 @@ def test_the_belt_stays_up_is_sorted_and_a_wall_hides_some_of_it():
     from rsoconsole.pipeline import read_catalogue
     from rsoconsole.simulator import elements_path
 
-    entries = read_catalogue([elements_path()])
+    entries = read_catalogue([elements_path()]).entries
     found = visible_satellites(entries, SITE, NOW, LIMITS)
     assert len(found) > 5
     assert [up.alt_deg for up in found] == sorted((up.alt_deg for up in found), reverse=True)

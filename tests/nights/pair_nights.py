@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from rsoconsole.orbits import CatalogueEntry, object_places, parse_catalogue, states_gcrs
+from rsoconsole.orbits import CatalogueEntry, object_places, parse_element_sets, states_gcrs
 from rsoconsole.records import FrameTaken, Measurement, Record, Site, TrackState
 from rsoconsole.sky import site_gcrs
 from tests.truth.regimes import TLES
@@ -37,7 +37,7 @@ class PairNight:
 @cache
 def geostationary() -> tuple[CatalogueEntry, ...]:
     text = (TLES / "geo_all_20230622.tle").read_text(encoding="utf-8")
-    return parse_catalogue(text)
+    return parse_element_sets(text).entries
 
 
 def directions(

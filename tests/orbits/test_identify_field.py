@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, parse_element_sets
 from rsoconsole.orbits.elements.sky_paths import Observer
 from rsoconsole.simulator import elements_path
 from rsoconsole.simulator.camera.truth import FrameTruth
@@ -53,7 +53,7 @@ class Night(NamedTuple):
 
 
 def belt(*numbers: int) -> list[CatalogueEntry]:
-    entries = parse_catalogue(Path(elements_path()).read_text(encoding="ascii"))
+    entries = parse_element_sets(Path(elements_path()).read_text(encoding="ascii")).entries
     return [each for each in entries if each.norad_id in numbers]
 
 

@@ -12,7 +12,7 @@ from rsoconsole.orbits import (
     MeasuredDirections,
     compare_with_catalogue,
     identify_jointly,
-    parse_catalogue,
+    parse_element_sets,
 )
 from rsoconsole.orbits.identification._assignments import best_assignments
 from rsoconsole.orbits.identification.joint_identification import simultaneous_tracks
@@ -41,7 +41,9 @@ def catalogue(*numbers: int, slot: dict[int, float] | None = None) -> tuple[Cata
         )
         for n in numbers
     ]
-    return parse_catalogue("\n".join(f"{m.name}\n{m.line_1}\n{m.line_2}" for m in members))
+    return parse_element_sets(
+        "\n".join(f"{m.name}\n{m.line_1}\n{m.line_2}" for m in members)
+    ).entries
 
 
 def tracks(
@@ -244,7 +246,7 @@ def test_members_of_a_real_slot_by_elements_a_week_old() -> None:
     from tests.bench.bench_identify_jointly import SITE, SLOTS, members_of, night
 
     text = (SHARED / "tles" / "geo_all_20230622.tle").read_text(encoding="ascii")
-    entries = parse_catalogue(text)
+    entries = parse_element_sets(text).entries
     history = measured_errors()
     chosen = history[(history[:, 0] >= 5) & (history[:, 0] < 9), 1:]
     members = members_of(entries, SLOTS["Astra 19.2E"])

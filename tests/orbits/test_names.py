@@ -3,7 +3,7 @@
 import pytest
 
 from rsoconsole.base import OrbitError
-from rsoconsole.orbits import find_object, parse_catalogue
+from rsoconsole.orbits import find_object, parse_element_sets
 from tests.orbits.test_satellite import with_checksums
 
 LINES = """\
@@ -20,7 +20,7 @@ GPS BIIR-2  (PRN 13)
 1   862U 09064A   23173.08337341 -.00000267  00000-0  00000+0 0  9994
 2   862   0.0135 330.4592 0002329 126.2276 158.3314  1.00271284 49759
 """
-CATALOGUE = parse_catalogue(with_checksums(LINES))
+CATALOGUE = parse_element_sets(with_checksums(LINES)).entries
 
 
 @pytest.mark.parametrize(

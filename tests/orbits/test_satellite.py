@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsoconsole.base import OrbitError
-from rsoconsole.orbits import Satellite, nearest_epoch_entries, parse_catalogue, parse_elements
+from rsoconsole.orbits import Satellite, nearest_epoch_entries, parse_element_sets, parse_elements
 from rsoconsole.orbits.elements.catalogue import magnitude
 from rsoconsole.orbits.elements.elements import checksum
 from rsoconsole.records import Site
@@ -103,7 +103,7 @@ def test_no_single_wrong_character_crashes(position, character, is_checked):
 
 def test_the_set_nearest_in_epoch_is_chosen():
     old = GOOD.replace("23173.0", "23163.0").replace("INTELSAT 14", "OLD")
-    entries = parse_catalogue(with_checksums(old) + "\n" + GOOD)
+    entries = parse_element_sets(with_checksums(old) + "\n" + GOOD).entries
     first, second = (one.epoch_utc_ns for one in entries)
     for t_utc_ns, name in ((first + 1, "OLD"), (second - 1, "INTELSAT 14")):
         assert [one.name for one in nearest_epoch_entries(entries, t_utc_ns)] == [name]

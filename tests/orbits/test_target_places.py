@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits import Satellite, parse_catalogue
+from rsoconsole.orbits import Satellite, parse_element_sets
 from rsoconsole.simulator import SensorModel
 from rsoconsole.simulator.sky.passes import ExposureGeometry, satellite_passes
 from rsoconsole.sky import separation_deg, sky_to_pixel, tan_wcs, times
@@ -59,7 +59,9 @@ def worst_arcsec(entry, earth, rng) -> float:
     return max(off)
 
 
-@pytest.mark.parametrize("entry", parse_catalogue(TRANSCRIBED), ids=lambda each: each.name)
+@pytest.mark.parametrize(
+    "entry", parse_element_sets(TRANSCRIBED).entries, ids=lambda each: each.name
+)
 def test_a_place_of_every_kind_of_orbit_agrees_with_skyfield(entry, earth):
     assert worst_arcsec(entry, earth, np.random.default_rng(entry.norad_id)) < HUNDREDTH_ARCSEC
 
@@ -77,7 +79,7 @@ def test_places_of_twenty_objects_of_a_regime_agree_with_skyfield(regime, earth)
 
 def test_the_way_of_a_low_satellite_is_drawn_to_a_tenth_of_a_pixel():
     """Against places every 5 ms, over the longest exposure there is: ten degrees of sky."""
-    iss = parse_catalogue(TRANSCRIBED)[-1]
+    iss = parse_element_sets(TRANSCRIBED).entries[-1]
     satellite = Satellite(iss)
     t0 = iss.epoch_utc_ns
     rng = np.random.default_rng(3)

@@ -26,7 +26,7 @@ from rsoconsole.config import (
     write_settings,
 )
 from rsoconsole.control import ControlServer, Outcome, Status, default_socket_path, status_json
-from rsoconsole.orbits import parse_catalogue
+from rsoconsole.orbits import parse_element_sets
 from rsoconsole.pipeline import (
     ElementStore,
     SourceUpdate,
@@ -129,7 +129,10 @@ def test_what_celestrak_sends_is_kept_and_read_with_numbers_of_six_digits(night:
     assert updated.is_fetched
     assert updated.kept.objects == 2
     assert night.server.asked == [f"{GP}?GROUP=geo&FORMAT=json"]
-    assert {each.norad_id for each in read_catalogue([night.store.folder])} == {36097, 412_345}
+    assert {each.norad_id for each in read_catalogue([night.store.folder]).entries} == {
+        36097,
+        412_345,
+    }
 
 
 def test_each_source_is_asked_where_it_lies(night: Night) -> None:
@@ -292,7 +295,44 @@ def test_a_server_that_misbehaves_is_one_sentence_and_what_was_kept_stays(
     assert "is kept" in updated.words
     assert "\n" not in updated.words
     assert updated.kept.fault is not None
-    assert len(read_catalogue([night.store.folder])) == 2
+    assert len(read_catalogue([night.store.folder]).entries) == 2
+
+
+def test_of_what_comes_a_bad_set_costs_itself_alone_and_is_named(night: Night) -> None:
+    three = [omm("ONE", 1), omm("TWO", 2, epoch="soon"), omm("THREE", 3)]
+    updated = night.one(send(json.dumps(three).encode()))
+    assert updated.is_fetched
+    assert "2 objects, 1 of 3 element sets is not used" in updated.words
+    assert "object 2: 'soon' is not a time" in updated.words
+    (bad,) = night.store.statuses()["celestrak:geo"].not_used
+    assert (bad.norad_id, bad.name, bad.place) == (2, "TWO", "object 2")
+    read = read_catalogue([night.store.folder])
+    assert ([each.norad_id for each in read.entries], len(read.not_used)) == ([1, 3], 1)
+
+
+def test_of_an_answer_that_ends_too_early_the_whole_objects_are_kept(night: Night) -> None:
+    updated = night.one(endless(GOOD[:-40], len(GOOD) - 40))
+    assert updated.kept.objects == 1
+    assert "1 of 2 element sets is not used" in updated.words
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (b"GP data has not updated since\nyour last successful download", "not updated since your"),
+        (b'[{"error":"You have violated your query rate limit"}]', "but: You have violated"),
+        (b"<html><title>Busy</title></html>", "but: Busy"),
+        (b"no such key hunter22 here", "no such key ... here"),
+    ],
+)
+def test_what_a_server_says_is_quoted_without_what_the_address_keeps_secret(
+    night: Night, body: bytes, words: str
+) -> None:
+    night.server.default = send(body)
+    (updated,) = night.update(f"url:{night.server.url}/x?key=hunter22")
+    assert updated.is_fault
+    assert words in updated.words
+    assert "hunter" not in updated.words
 
 
 def test_a_server_that_drips_is_left_at_the_deadline(night: Night) -> None:
@@ -389,19 +429,19 @@ def test_the_first_source_has_precedence_until_a_later_one_is_three_days_newer(
     order = [parse_source("supgp:intelsat"), parse_source("celestrak:geo")]
     night.store.set_sources(order)
     night.update("supgp:intelsat", "celestrak:geo")
-    (entry,) = read_catalogue([night.store.folder])
+    (entry,) = read_catalogue([night.store.folder]).entries
     assert entry.revolutions_a_day == pytest.approx(1.001)
     night.server.behaviours[GP] = sent(25, 1.002)
     night.now_utc_ns += 3 * HOUR_NS
     night.update("celestrak:geo")
-    (entry,) = read_catalogue([night.store.folder])
+    (entry,) = read_catalogue([night.store.folder]).entries
     assert entry.revolutions_a_day == pytest.approx(1.002)
 
 
 def test_a_damaged_index_loses_no_elements_and_is_written_again(night: Night) -> None:
     night.one(send(GOOD))
     (night.store.folder / "sources.json").write_text('{"sources": [{"source": 3}]}')
-    assert len(read_catalogue([night.store.folder])) == 2
+    assert len(read_catalogue([night.store.folder]).entries) == 2
     night.store.set_sources([parse_source("celestrak:geo")])
     night.now_utc_ns += 3 * HOUR_NS
     assert night.one(send(GOOD)).is_fetched
@@ -529,10 +569,25 @@ def test_a_file_that_is_added_is_used_without_any_network(
     assert row["in_use"] is True
     assert load_config().catalogue.tle_files == (default_folder(),)
     elements.unlink()
-    assert [each.norad_id for each in read_catalogue(load_config().catalogue.tle_files)] == [36097]
+    assert [
+        each.norad_id for each in read_catalogue(load_config().catalogue.tle_files).entries
+    ] == [36097]
     (row,) = verb("list")
     assert row["objects"] == 1
     assert server.asked == []
+
+
+def test_a_file_with_a_bad_set_is_added_and_it_is_named(home: Path, tmp_path: Path) -> None:
+    elements = tmp_path / "two.tle"
+    elements.write_text(INTELSAT + INTELSAT.replace("36097", "36098"))
+    for row in verb("add", str(elements)) + verb("list"):
+        expect_documented("catalogue list", row)
+        assert row["objects"] == 1
+        (bad,) = row["not_used"]  # type: ignore[misc]
+        assert bad["norad_id"] == 36098
+        assert "checksum" in bad["words"]
+    done = CliRunner().invoke(app, ["catalogue", "list"])
+    assert "1 of 2 element sets is not used" in done.stdout
 
 
 def test_sources_are_added_updated_and_listed(home: Path, server: BadServer) -> None:
@@ -702,7 +757,7 @@ def test_a_folder_that_is_no_cache_is_said(tmp_path: Path) -> None:
 def test_the_cache_is_read_as_sgp4_reads_the_same_elements(night: Night) -> None:
     """Truth: the package sgp4's own reader of two lines, written out again."""
     night.one(send(INTELSAT.encode(), "text/plain"))
-    (entry,) = read_catalogue([night.store.folder])
-    (direct,) = parse_catalogue(INTELSAT)
+    (entry,) = read_catalogue([night.store.folder]).entries
+    (direct,) = parse_element_sets(INTELSAT).entries
     assert exporter.export_tle(entry.record) == exporter.export_tle(direct.record)
     assert os.path.commonpath([night.store.folder, *night.store.files()]) == str(night.store.folder)

@@ -17,7 +17,7 @@ import rsoconsole as rso
 from rsoconsole import simulator
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config
-from rsoconsole.orbits import CatalogueEntry, object_places, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, object_places, parse_element_sets
 from rsoconsole.pipeline import FieldCrossing, FieldPoint, RoundField, field_crossings
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
@@ -199,7 +199,7 @@ def quick_nutation(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @needs_elements
 def test_crossings_are_those_of_a_brute_search_by_skyfield() -> None:
-    entries = parse_catalogue((TLES / "mix_20230622.tle").read_text())[::3]
+    entries = parse_element_sets((TLES / "mix_20230622.tle").read_bytes()).entries[::3]
     assert compare(entries, SITES[0], 5, 12) > 5
 
 
@@ -207,13 +207,15 @@ def test_crossings_are_those_of_a_brute_search_by_skyfield() -> None:
 @needs_elements
 @pytest.mark.parametrize("site", SITES)
 def test_crossings_of_200_fields_are_those_of_a_brute_search(site: Site) -> None:
-    entries = parse_catalogue((TLES / "mix_20230622.tle").read_text())
+    entries = parse_element_sets((TLES / "mix_20230622.tle").read_bytes()).entries
     assert compare(entries, site, 11, 67) > 100
 
 
 def test_the_verb_and_the_function_list_what_crosses() -> None:
     belt = BELT
-    entry = next(each for each in parse_catalogue(belt.read_text()) if each.norad_id == 36097)
+    entry = next(
+        each for each in parse_element_sets(belt.read_bytes()).entries if each.norad_id == 36097
+    )
     middle_ns = (SPAN[0] + SPAN[1]) // 2
     place = object_places(entry, Config().site.to_site(), np.array([middle_ns]))
     ra, dec = float(place.ra_icrs_deg[0]), float(place.dec_icrs_deg[0])
@@ -243,7 +245,7 @@ def test_the_verb_and_the_function_list_what_crosses() -> None:
 def test_objects_without_a_place_are_named() -> None:
     """A low object whose drag brings it down within the hours asked for, and one that stays."""
     falls = with_checksums(LOW.replace(" 18000-3 ", " 99999+1 ").replace("25544", "25545"))
-    entries = (*parse_catalogue(falls), *parse_catalogue(with_checksums(LOW)))
+    entries = parse_element_sets(falls + "\n" + with_checksums(LOW)).entries
     field = RoundField(site=SITES[0], ra_icrs_deg=10.0, dec_icrs_deg=0.0, diameter_deg=1.0)
     lost = [each.norad_id for some in field_crossings(entries, field, SPAN) for each in some.lost]
     assert lost == [25545]

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.config import Config, LimitsConfig
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, parse_element_sets
 from rsoconsole.pipeline import NightPass, night_passes
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
@@ -36,7 +36,7 @@ def found_by_us(
     entries: list[CatalogueEntry], site: Site, limits: LimitsConfig, *, is_low_only: bool = True
 ) -> list[NightPass]:
     every = night_passes(entries, site, (FROM, UNTIL), limits, is_low_only=is_low_only)
-    return [each for _, some in every for each in some]
+    return [each for _, some, _ in every for each in some]
 
 
 def found_by_skyfield(entry: CatalogueEntry, site: Site) -> list[tuple[float, float, float, float]]:
@@ -60,7 +60,7 @@ def found_by_skyfield(entry: CatalogueEntry, site: Site) -> list[tuple[float, fl
 @needs_elements
 @pytest.mark.parametrize("site", SITES, ids=("Florida", "Iceland", "Cape"))
 def test_every_pass_is_found_where_skyfield_finds_it_and_no_other(site: Site) -> None:
-    entries = [e for e in parse_catalogue(MIX.read_text()) if e.revolutions_a_day > 9.0]
+    entries = [e for e in parse_element_sets(MIX.read_text()).entries if e.revolutions_a_day > 9.0]
     limits = LimitsConfig(min_altitude_deg=LIMIT_DEG)
     ours: dict[int, list[NightPass]] = {}
     for each in found_by_us(entries, site, limits):
@@ -101,7 +101,7 @@ def test_how_fast_it_is_and_whether_it_is_lit_are_skyfields(kernel: Any) -> None
     scale = load.timescale(builtin=True)
     site = SITES[0]
     place = wgs84.latlon(site.latitude_deg, site.longitude_deg, site.elevation_m)
-    entries = [e for e in parse_catalogue(MIX.read_text()) if e.revolutions_a_day > 9.0]
+    entries = [e for e in parse_element_sets(MIX.read_text()).entries if e.revolutions_a_day > 9.0]
     by_number = {each.norad_id: each for each in entries}
     found = found_by_us(entries, site, LimitsConfig(min_altitude_deg=LIMIT_DEG))
     assert {each.lit_from_utc_ns is None for each in found} == {True, False}
@@ -125,7 +125,7 @@ def test_how_fast_it_is_and_whether_it_is_lit_are_skyfields(kernel: Any) -> None
 
 
 def test_a_horizon_mask_cuts_a_pass_and_one_under_way_begins_with_the_span() -> None:
-    entries = list(parse_catalogue(with_checksums(LOW)))
+    entries = list(parse_element_sets(with_checksums(LOW)).entries)
     site = SITES[0]
     plain = found_by_us(entries, site, LimitsConfig(min_altitude_deg=10.0))
     assert plain
@@ -138,15 +138,15 @@ def test_a_horizon_mask_cuts_a_pass_and_one_under_way_begins_with_the_span() -> 
     middle = plain[0].top.t_utc_ns
     span = (middle, middle + 3600 * NS_PER_S)
     limits = LimitsConfig(min_altitude_deg=10.0)
-    ((_, (rest, *_)),) = night_passes(entries, site, span, limits)
+    ((_, (rest, *_), _),) = night_passes(entries, site, span, limits)
     assert rest.rise.t_utc_ns - middle < 2 * NS_PER_S
     assert rest.set.t_utc_ns == pytest.approx(plain[0].set.t_utc_ns, abs=2 * NS_PER_S)
 
 
 def test_what_cannot_rise_there_is_not_looked_at_and_none_is_an_answer() -> None:
     equatorial = with_checksums(LOW).replace("  51.6400", "   5.0000")
-    entries = list(parse_catalogue(with_checksums(equatorial)))
-    assert list(night_passes(entries, SITES[1], (FROM, UNTIL), LimitsConfig())) == [(1, ())]
+    entries = list(parse_element_sets(with_checksums(equatorial)).entries)
+    assert list(night_passes(entries, SITES[1], (FROM, UNTIL), LimitsConfig())) == [(1, (), ())]
 
 
 def passes(*words: str, code: int = 0) -> str:
@@ -187,3 +187,59 @@ def test_the_verb_says_what_is_wrong(elements: Path, tmp_path: Path) -> None:
     assert "say how long with --hours" in passes(*bright, code=1)
     none = passes("--tle", str(elements), "--at", "2023-06-22T01:00:00Z", "--top", "89.9")
     assert none.startswith("no pass from 2023-06-22 01:00")
+
+
+BAD = """BADSAT
+1 25545U 98067A   24001.50000000  .00016717  00000-0  10270-3 0  9009
+2 25545  51.6400 208.9163 0006317  69.9862  25.2906 15.49560532430803
+"""
+# So low and dragged that it comes down within a day of its epoch.
+DOWN = with_checksums(
+    LOW.replace("ISS (ZARYA)", "COMES DOWN")
+    .replace("25544", "25546")
+    .replace(" 18000-3", " 99999-1")
+    .replace("15.50000000", "16.40000000")
+)
+
+
+def both(*words: str, code: int = 0) -> tuple[str, str]:
+    """What the verb prints, and what it says on stderr or as its error."""
+    done = CliRunner().invoke(app, ["passes", *words])
+    assert done.exit_code == code, done.output
+    error = "" if done.exception is None else str(done.exception)
+    return done.stdout, " ".join(f"{done.stderr} {error}".split())
+
+
+def test_a_bad_set_is_named_and_the_others_are_listed(elements: Path, tmp_path: Path) -> None:
+    when = ("--at", "2023-06-22T01:00:00Z", "--hours", "24", "--top", "10", "--all")
+    alone, _ = both("--tle", str(elements), *when)
+    path = tmp_path / "onebad.tle"
+    path.write_text(f"{BAD}{elements.read_text()}", encoding="ascii")
+    listed, said = both("--tle", str(path), *when)
+    assert listed == alone
+    assert f"1 of 2 element sets is not used: {path}, line 2: checksum '9' should be 0" in said
+    *rows, last = map(json.loads, both("--tle", str(path), *when, "--json")[0].splitlines())
+    assert rows
+    expect_documented("passes, not used", last)
+    (bad,) = last["not_used"]
+    assert (bad["norad_id"], bad["name"], bad["place"]) == (25545, "BADSAT", "line 2")
+    _, why = both("--tle", str(path), "--norad", "25545", code=1)
+    assert "no elements of 25545" in why
+    assert "checksum '9' should be 0" in why
+
+
+def test_an_object_without_a_place_is_named_and_not_said_to_stay_below(
+    elements: Path, tmp_path: Path
+) -> None:
+    when = ("--at", "2023-07-22T01:00:00Z", "--hours", "24", "--all", "--top", "0")
+    path = tmp_path / "down.tle"
+    path.write_text(DOWN, encoding="ascii")
+    listed, said = both("--tle", str(path), *when, code=1)
+    assert listed == ""
+    assert "no object can be propagated there: COMES DOWN (25546): SGP4 has no place" in said
+    listed, said = both("--tle", str(path), "--tle", str(elements), *when)
+    assert "ISS (ZARYA)" in listed
+    assert "1 object without a place in all of the time: COMES DOWN (25546)" in said
+    words = both("--tle", str(path), "--tle", str(elements), *when, "--json")[0].splitlines()
+    (lost,) = json.loads(words[-1])["not_used"]
+    assert lost["norad_id"] == 25546

@@ -24,8 +24,8 @@ from rsoconsole.console.commands.keymap import load_keymap
 from rsoconsole.console.tuning.tuning_pane import load_presets
 from rsoconsole.control.wire import read_outcome
 from rsoconsole.library import ReadOptions, read_observations
-from rsoconsole.orbits import parse_catalogue
-from rsoconsole.orbits.elements import catalogue
+from rsoconsole.orbits import parse_element_sets
+from rsoconsole.orbits.elements import element_sets
 from rsoconsole.pipeline import read_catalogue, read_observed_tracks
 from rsoconsole.records import Event, FrameTaken
 from rsoconsole.session import SessionReader
@@ -97,8 +97,8 @@ def test_line_ends_of_every_kind_are_read_as_one(tmp_path: Path):
 
 
 def test_elements_nested_too_deeply_are_one_line():
-    with pytest.raises(OrbitError, match="nested too deeply; fetch it again"):
-        parse_catalogue(DEEP_JSON, "e.json")
+    with pytest.raises(OrbitError, match="nested too deeply"):
+        parse_element_sets(DEEP_JSON, "e.json")
 
 
 def test_observations_nested_too_deeply_are_one_line(tmp_path: Path):
@@ -122,19 +122,19 @@ def test_a_million_element_sets_are_refused_before_the_work(one: str):
     text = heads.get(one[0], "") + one * 1_000_000
     began_s = time.monotonic()
     with pytest.raises(OrbitError, match="1,000,000 element sets, 200,000 at most") as caught:
-        parse_catalogue(text, "all.tle")
+        parse_element_sets(text, "all.tle")
     assert time.monotonic() - began_s < QUICK_S
     assert "keep those of the last days" in str(caught.value)
 
 
 def test_as_many_sets_as_are_allowed_are_read(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(catalogue, "MAX_SETS", 2)
+    monkeypatch.setattr(element_sets, "MAX_SETS", 2)
     line_1 = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927"
     line_2 = "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537"
     one = f"{line_1}\n{line_2}\n"
-    assert len(parse_catalogue(one * 2)) == 2
+    assert len(parse_element_sets(one * 2).entries) == 2
     with pytest.raises(OrbitError, match="3 element sets, 2 at most"):
-        parse_catalogue(one * 3)
+        parse_element_sets(one * 3)
 
 
 # ---- sessions and the wire -----------------------------------------------------------------

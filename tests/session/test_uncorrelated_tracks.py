@@ -265,11 +265,11 @@ def test_of_two_tracks_at_once_one_object_is_one() -> None:
 @pytest.mark.shared_data
 @pytest.mark.skipif(not SHARED.exists(), reason=f"{SHARED} is not here")
 def test_real_satellites_are_recognised_with_their_manoeuvres_and_no_other_is() -> None:
-    from rsoconsole.orbits import parse_catalogue
+    from rsoconsole.orbits import parse_element_sets
     from tests.bench.bench_ledger import SITE, TLES, seen_by_sgp4, visible
 
     text = (TLES / "geo_3sats_history_2019_2025.tle").read_text(encoding="ascii")
-    entries = parse_catalogue(text)
+    entries = parse_element_sets(text).entries
     random, right = np.random.default_rng(6), 0
     numbers = sorted({each.norad_id for each in entries})
     at = sorted(each.epoch_utc_ns for each in entries if each.norad_id == numbers[0])
@@ -287,7 +287,9 @@ def test_real_satellites_are_recognised_with_their_manoeuvres_and_no_other_is() 
             assert found.number in (None, number)
             right += found.number == number
     assert right >= 14
-    everything = parse_catalogue((TLES / "geo_all_20230622.tle").read_text(encoding="ascii"))
+    everything = parse_element_sets(
+        (TLES / "geo_all_20230622.tle").read_text(encoding="ascii")
+    ).entries
     start = int(np.median([each.epoch_utc_ns for each in everything]))
     up = visible(everything, start)
     before = [kept_of(up[0].norad_id, seen_by_sgp4(up[0], start, 20, random))]

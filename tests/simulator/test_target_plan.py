@@ -11,7 +11,7 @@ from rsoconsole.cli.demo._demo_targets import config_for_plan, plan_targets
 from rsoconsole.cli.demo.demo import demo_config
 from rsoconsole.cli.words.options import parse_site
 from rsoconsole.config import OpticsConfig
-from rsoconsole.orbits import Satellite, find_object, parse_catalogue
+from rsoconsole.orbits import Satellite, find_object, parse_element_sets
 from rsoconsole.records import Site
 from rsoconsole.simulator import (
     DAYTONA_BEACH,
@@ -67,7 +67,7 @@ def mixed_config(tmp_path, monkeypatch):
 
 
 def satellite(number: str) -> Satellite:
-    return Satellite(find_object(parse_catalogue(BELT.read_text()), number)[0], 12.0)
+    return Satellite(find_object(parse_element_sets(BELT.read_text()).entries, number)[0], 12.0)
 
 
 def test_the_time_that_is_picked_is_dark_and_the_satellite_up_and_lit_for_all_frames(config):
@@ -210,7 +210,7 @@ def test_exposures_keep_streaks_short_and_the_target_in_the_field():
 
 def test_nobody_who_crosses_a_frame_is_passed_over():
     """The quick choice against the exact places of everybody, also of the fast."""
-    everybody = [Satellite(each) for each in parse_catalogue(TRANSCRIBED)]
+    everybody = [Satellite(each) for each in parse_element_sets(TRANSCRIBED).entries]
     nearby, sensor = NearbySatelliteSearch(everybody), SensorModel()
     rng = np.random.default_rng(8)
     crossed = chosen = 0

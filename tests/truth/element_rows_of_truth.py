@@ -21,7 +21,7 @@ from rsoconsole.orbits import (
     element_error_row,
     manoeuvred_probability,
     object_places,
-    parse_catalogue,
+    parse_element_sets,
     reduce_directions,
     states_gcrs,
 )
@@ -131,7 +131,7 @@ def row_by(
 
 def geo_pairs() -> Iterator[tuple[CatalogueEntry, CatalogueEntry]]:
     """(older, newer) sets of one satellite, of two weeks at the most."""
-    sets = parse_catalogue(HISTORY.read_text(encoding="ascii"), HISTORY.name)
+    sets = parse_element_sets(HISTORY.read_text(encoding="ascii"), HISTORY.name).entries
     for norad_id in sorted({each.norad_id for each in sets}):
         own = sorted(
             {each.epoch_utc_ns: each for each in sets if each.norad_id == norad_id}.values(),

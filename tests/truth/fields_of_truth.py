@@ -17,7 +17,7 @@ from rsoconsole.orbits import (
     StreakLine,
     manoeuvred_probability,
     orbit_regime,
-    parse_catalogue,
+    parse_element_sets,
     position_sigmas_km,
 )
 from rsoconsole.orbits.elements.sky_paths import Exposure, Observer, streak_path
@@ -177,7 +177,7 @@ def replicated(count: int, seed: int, t_utc_ns: int = DAY_UTC_NS) -> tuple[Catal
     real = [
         each
         for name in ("geo_all_20230622.tle", "mix_20230622.tle", "meo_20200908.tle")
-        for each in parse_catalogue((TLES / name).read_text(), name)
+        for each in parse_element_sets((TLES / name).read_text(), name).entries
     ]
     found: list[CatalogueEntry] = []
     for number in range(1, count + 1):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits import CatalogueEntry, parse_element_sets
 
 TLES = Path(__file__).resolve().parents[3] / "shared" / "data" / "tles"
 FILES = ("geo_all_20230622.tle", "meo_20200908.tle", "mix_20230622.tle")
@@ -50,7 +50,7 @@ def samples(regime: str, each: int = EACH) -> tuple[Sample, ...]:
     found: dict[int, Sample] = {}
     for name in FILES:
         path = TLES / name
-        for entry in parse_catalogue(path.read_text(encoding="utf-8"), name):
+        for entry in parse_element_sets(path.read_text(encoding="utf-8"), name).entries:
             if kind(entry) == regime and not entry.record.error:
                 found.setdefault(entry.norad_id, Sample(entry, path))
     every = list(found.values())

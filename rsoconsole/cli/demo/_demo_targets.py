@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rsoconsole.base import ConfigError, value_errors_as
+from rsoconsole.cli.words.options import read_element_sets
 from rsoconsole.config import Config
 from rsoconsole.simulator import NightPlan
 from rsoconsole.sky import iso_to_utc_ns
@@ -20,12 +21,11 @@ def plan_targets(
     satellites cannot be seen or ``at`` is no time, SolverError where their sky has no stars.
     """
     from rsoconsole.orbits import find_object, nearest_epoch_entries
-    from rsoconsole.pipeline import read_catalogue
     from rsoconsole.simulator import choose_night, satellite_from_entry
 
     files = config.catalogue.tle_files
     at_utc_ns = None if at is None else _instant(at)
-    entries = read_catalogue(files)
+    entries = read_element_sets(files).entries
     sets = [find_object(entries, each) for each in wanted]
     numbers = [found[0].norad_id for found in sets]
     if len(set(numbers)) < len(numbers):

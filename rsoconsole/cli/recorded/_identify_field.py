@@ -61,7 +61,8 @@ def identify_field(
     place = site_of_frames(paths, config, extension=extension)
     _expect_site(place)
     config = place.config
-    run = CatalogueMatcher(config, read_element_sets(tle or list(config.catalogue.tle_files)))
+    sets = read_element_sets(tle or list(config.catalogue.tle_files), files)
+    run = CatalogueMatcher(config, sets.entries)
     read: list[tuple[str, FieldFrame]] = []
     with open_field_reader(config, plate) as reader:
 
@@ -92,6 +93,8 @@ def identify_field(
     if len(read) > 1:
         report = movers_report([name for name, _ in read], frames, movers)
         output.print_answer(json_, report, lambda found: movers_lines(found, FEWEST))
+    if json_ and sets.not_used:
+        output.emit_json({"not_used": sets.not_used})
     if not json_:
         output.say(*error_source_lines(errors, regimes))
     output.exit_if(failures)

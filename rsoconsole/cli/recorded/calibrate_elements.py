@@ -100,10 +100,9 @@ def _read(
     files: InputFiles, nights: int, settings: Config, *, simulated: bool
 ) -> "tuple[list[tuple[Path, CalibrationRows]], int]":
     """Results of the nights, and the number of nights without: an unusable one ends no other."""
-    from rsoconsole.cli.words.options import session_element_files
+    from rsoconsole.cli.words.options import read_element_sets, session_element_files
     from rsoconsole.pipeline import (
         is_session,
-        read_catalogue,
         rows_of_identify_output,
         rows_of_session,
         wide_element_errors,
@@ -119,7 +118,7 @@ def _read(
         _expect_kind(folder, simulated=simulated)
         sets = tle or tuple(session_element_files(folder, catalogue.tle_files))
         if sets not in known:
-            known[sets] = read_catalogue(sets)
+            known[sets] = read_element_sets(sets, files).entries
         return rows_of_session(night, known[sets], wide_element_errors(catalogue))
 
     tle = tuple(files.paths[nights:])

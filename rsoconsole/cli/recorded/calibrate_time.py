@@ -9,7 +9,13 @@ import typer
 from rsoconsole.base import ConfigError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress_bar
-from rsoconsole.cli.words.options import ConfigOption, JsonOption, SessionsArgument, WriteOption
+from rsoconsole.cli.words.options import (
+    ConfigOption,
+    JsonOption,
+    SessionsArgument,
+    WriteOption,
+    read_element_sets,
+)
 from rsoconsole.cli.words.usage import write_to_config
 from rsoconsole.config import load_config
 
@@ -130,14 +136,13 @@ def _elements(
     nights: Sequence[Path], tle: Sequence[Path] | None, configured: Sequence[Path]
 ) -> "Sequence[CatalogueEntry]":
     """Element files: those named; else, for names alone, those of the nights or configured."""
-    from rsoconsole.pipeline import read_catalogue
     from rsoconsole.session import SessionReader
 
     if tle:
-        return read_catalogue(tle)
+        return read_element_sets(tle).entries
     own = [path for night in nights for path in SessionReader(night).config().catalogue.tle_files]
     there = [path for path in dict.fromkeys([*own, *configured]) if path.exists()]
-    return read_catalogue(there)
+    return read_element_sets(there).entries if there else ()
 
 
 def _write(found: "FoundTiming", config_path: Path | None, *, force: bool) -> Path:

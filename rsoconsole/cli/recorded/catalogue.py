@@ -270,6 +270,8 @@ def _kept_row(kept: "SourceStatus") -> dict[str, Any]:
 
 
 def _line(row: dict[str, Any]) -> str:
+    from rsoconsole.orbits import not_used_words
+
     words = [f"{row['source']:28} {row['objects']:>7,} objects"]
     if row["age_h"] is not None:
         words.append(f"fetched {row['age_h']:.1f} h ago")
@@ -283,4 +285,6 @@ def _line(row: dict[str, Any]) -> str:
         words.append(f"last time: {row['fault']}")
     if row["objects"] and not row["in_use"]:
         words.append("not in catalogue.tle_files, so not used")
+    if row["not_used"]:
+        words.append(not_used_words(row["sets"], [each["words"] for each in row["not_used"]]))
     return "  ".join(words[:1]) + ("; " + "; ".join(words[1:]) if words[1:] else "")

@@ -17,8 +17,19 @@ from rsoconsole.cli.recorded.orbit import (
 )
 from rsoconsole.cli.words import completion, output
 from rsoconsole.cli.words.batch_options import progress_bar
-from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, session_element_files
-from rsoconsole.cli.words.standard_input import FilesFromOption, given_files, open_input_files
+from rsoconsole.cli.words.options import (
+    ConfigOption,
+    JsonOption,
+    TleOption,
+    read_element_sets,
+    session_element_files,
+)
+from rsoconsole.cli.words.standard_input import (
+    FilesFromOption,
+    InputFiles,
+    given_files,
+    open_input_files,
+)
 from rsoconsole.config import Config, load_config
 
 if TYPE_CHECKING:
@@ -125,9 +136,8 @@ def identify(
         raise typer.BadParameter("one session or file at a time; frames need --field")
     ask = read_options(sigma, site, stations, object_, is_radians=radians)
     with open_input_files([*given, *(tle or [])]) as files:
-        path, *element_sets = files.paths
         report, is_several = _report(
-            path, element_sets, load_config(config), ask, track=track, gate_deg=gate, is_kept=keep
+            files, load_config(config), ask, track=track, gate_deg=gate, is_kept=keep
         )
     if json_:
         output.emit_json(report)
@@ -147,8 +157,7 @@ def identify(
 
 
 def _report(
-    path: Path,
-    tle: list[Path],
+    given: InputFiles,
     settings: Config,
     ask: "ReadOptions",
     *,
@@ -156,7 +165,10 @@ def _report(
     gate_deg: float,
     is_kept: bool,
 ) -> tuple[dict[str, Any], bool]:
-    """Identification of a session or a file, and True where it holds several tracks."""
+    """Identification of a session or a file, and True where it holds several tracks.
+
+    ``given``: the session or file, then files of elements.
+    """
     from rsoconsole.cli.recorded._identify_field import SessionLedger
     from rsoconsole.orbits import identify_jointly
     from rsoconsole.pipeline import (
@@ -165,17 +177,21 @@ def _report(
         identification_report,
         longest_arc,
         named_track_report,
-        read_catalogue,
     )
 
     catalogue = settings.catalogue
+    path, *tle = given.paths
     files = tle or session_element_files(path, catalogue.tle_files)
     tracks, shown = _tracks_of(path, ask, track)
+    sets = read_element_sets(files, given)
     with progress_bar("names"):
-        entries = read_catalogue(files)
         arcs = [longest_arc(each.seen) for each in tracks]
         named = identify_jointly(
-            arcs, tracks[0].site, entries, gate_deg=gate_deg, errors=catalogue_errors(catalogue)
+            arcs,
+            tracks[0].site,
+            sets.entries,
+            gate_deg=gate_deg,
+            errors=catalogue_errors(catalogue),
         )
     ledger = SessionLedger(path, tracks, named)
     found = dict(zip((each.number for each in tracks), zip(named, arcs, strict=True), strict=True))
@@ -188,6 +204,7 @@ def _report(
     ]
     report["kept"] = ledger.add_unexplained_tracks() if is_kept else None
     report["element_errors"] = errors_report(catalogue)
+    report["not_used"] = sets.not_used
     return report, len(tracks) > 1
 
 

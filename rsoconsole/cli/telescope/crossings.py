@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.telescope.passes import night_span_asked
+from rsoconsole.cli.telescope.passes import night_span_asked, report_lost
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, read_element_sets
@@ -15,7 +15,7 @@ from rsoconsole.config import load_config
 from rsoconsole.words import NS_PER_S, utc_ns_to_iso, utc_text
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits import CatalogueEntry, ElementErrors
+    from rsoconsole.orbits import CatalogueEntry, ElementErrors, UnusedSet
     from rsoconsole.pipeline import FieldCrossing, RoundField
 
 _NAME_COLUMNS = 19
@@ -23,8 +23,6 @@ HEADER = (
     f"{'in, UTC':11}  {'out':8}  {'alt':>3}  {'off':>5}  {'to':>4}  {'″/s':>6}"
     f"  {'km up':>6}  {'±s':>5}  name"
 )
-NAMED = 4
-"""Number of objects without a place that are named."""
 
 
 def crossings(
@@ -71,27 +69,22 @@ def crossings(
             raise ValueError(f"{field:g} degrees: above 0, and {MAX_FIELD_DEG:g} at most")
     loaded = load_config(config)
     with open_input_files(tle or list(loaded.catalogue.tle_files)) as files:
-        entries = read_element_sets(files.paths)
+        sets = read_element_sets(files.paths, files)
     span = night_span_asked(loaded, start, hours, "--from")
     of = RoundField(
         site=loaded.site.to_site(), ra_icrs_deg=ra_deg, dec_icrs_deg=dec_deg, diameter_deg=field
     )
-    found, lost = _looked_for(entries, of, span, catalogue_errors(loaded.catalogue))
-    if lost:
-        named = ", ".join(each.name or str(each.norad_id) for each in lost[:NAMED])
-        more = f" and {len(lost) - NAMED} more" if len(lost) > NAMED else ""
-        output.print_to_stderr(
-            f"rsoconsole: {len(lost)} of {len(entries)} element sets give no place for all of this"
-            f" time (decayed): {named}{more}"
-        )
+    found, lost = _looked_for(sets.entries, of, span, catalogue_errors(loaded.catalogue))
     if json_:
         for each in found:
             output.emit_json(crossing_report(each))
+        if not_used := [*sets.not_used, *lost]:
+            output.emit_json({"not_used": not_used})
         return
     begins, ends = (utc_text(span[0], "dated minute", ""), utc_text(span[1], "dated minute"))
     words = f"of {field:g}° about RA {ra_deg:.3f} Dec {dec_deg:+.3f} from {begins} to {ends}"
     if not found:
-        output.say(f"no crossing {words}, by {len(entries)} element sets")
+        output.say(f"no crossing {words}, by {len(sets.entries)} element sets")
         return
     is_any_dark = any(not each.is_lit for each in found)
     head = f"{len(found)} crossing{'s' * (len(found) > 1)} {words}" + "; * in shadow" * is_any_dark
@@ -103,11 +96,11 @@ def _looked_for(
     field: "RoundField",
     span: tuple[int, int],
     errors: "ElementErrors",
-) -> "tuple[list[FieldCrossing], list[CatalogueEntry]]":
+) -> "tuple[list[FieldCrossing], list[UnusedSet]]":
     from rsoconsole.pipeline import field_crossings
 
     found: list[FieldCrossing] = []
-    lost: list[CatalogueEntry] = []
+    lost: list[UnusedSet] = []
     before = 0
     with progress_bar("objects", len(entries)) as bar:
         for some in field_crossings(entries, field, span, errors):
@@ -115,6 +108,7 @@ def _looked_for(
             lost += some.lost
             bar(some.done - before)
             before = some.done
+    report_lost(lost, entries, is_all=not found)
     return sorted(found, key=lambda each: each.enter.t_utc_ns), lost
 
 

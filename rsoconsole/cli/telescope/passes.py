@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,13 +11,13 @@ from rsoconsole.base import OrbitError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, read_element_sets
-from rsoconsole.cli.words.standard_input import open_input_files
+from rsoconsole.cli.words.standard_input import InputFiles, open_input_files
 from rsoconsole.cli.words.usage import as_usage_error
 from rsoconsole.config import Config, load_config
-from rsoconsole.words import NS_PER_S, no_night_text, utc_ns_to_iso, utc_text
+from rsoconsole.words import NS_PER_S, count_words, no_night_text, utc_ns_to_iso, utc_text
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits import CatalogueEntry
+    from rsoconsole.orbits import CatalogueEntry, ElementSets, UnusedSet
     from rsoconsole.pipeline import NightPass
 
 _NAME_COLUMNS = 19
@@ -54,19 +54,22 @@ def passes(
     Without --tle the files of catalogue.tle_files in the configuration are used. A pass lasts
     while the object is above limits.min_altitude_deg and the horizon mask. Listed are passes that
     are sunlit at least in part; times are as sure as their elements (±s, one sigma by the
-    elements' age).
+    elements' age). Element sets that cannot be used, and objects for which SGP4 has no place
+    in the time asked for, are named on stderr; with --json in a last object.
 
     Example: rsoconsole passes --tle active.tle --top 45
     """
     loaded = load_config(config)
     with open_input_files(tle or list(loaded.catalogue.tle_files)) as files:
-        entries = _entries(files.paths, norad or [])
+        sets = _element_sets(files, norad or [])
     span = night_span_asked(loaded, at, hours, "--at")
-    found = _looked_for(entries, loaded, span, is_low_only=not (every or norad))
+    found, lost = _looked_for(sets.entries, loaded, span, is_low_only=not (every or norad))
     shown = [p for p in found if p.top.alt_deg >= top and (every or p.lit_from_utc_ns is not None)]
     if json_:
         for each in shown:
             output.emit_json(pass_report(each))
+        if not_used := [*sets.not_used, *lost]:
+            output.emit_json({"not_used": not_used})
         return
     start, end = (utc_text(span[0], "dated minute", ""), utc_text(span[1], "dated minute"))
     words = f"from {start} to {end}"
@@ -78,13 +81,19 @@ def passes(
     output.say(head, HEADER, *map(_line, shown))
 
 
-def _entries(files: Sequence[Path], norad: Sequence[int]) -> "Sequence[CatalogueEntry]":
-    entries = read_element_sets(files)
-    known = {each.norad_id for each in entries}
-    missing = [str(each) for each in norad if each not in known]
+def _element_sets(files: InputFiles, norad: Sequence[int]) -> "ElementSets":
+    sets = read_element_sets(files.paths, files)
+    known = {each.norad_id for each in sets.entries}
+    missing = [each for each in norad if each not in known]
     if missing:
-        raise OrbitError(f"no elements of {', '.join(missing)} in {', '.join(map(str, files))}")
-    return [each for each in entries if each.norad_id in norad] if norad else entries
+        why = "; ".join(each.words for each in sets.not_used if each.norad_id in missing)
+        raise OrbitError(
+            f"no elements of {', '.join(map(str, missing))} in {', '.join(map(str, files.paths))}"
+            + (f" can be used: {why}" if why else "")
+        )
+    if not norad:
+        return sets
+    return replace(sets, entries=tuple(e for e in sets.entries if e.norad_id in norad))
 
 
 def night_span_asked(config: Config, at: str, hours: float | None, option: str) -> tuple[int, int]:
@@ -113,13 +122,18 @@ def night_span_asked(config: Config, at: str, hours: float | None, option: str) 
 
 def _looked_for(
     entries: "Sequence[CatalogueEntry]", config: Config, span: tuple[int, int], *, is_low_only: bool
-) -> "list[NightPass]":
+) -> "tuple[list[NightPass], list[UnusedSet]]":
+    """Passes, and the objects for which SGP4 has no place in all of the time.
+
+    Raises OrbitError where it has none for any.
+    """
     from rsoconsole.pipeline import catalogue_errors, night_passes
 
     found: list[NightPass] = []
+    lost: list[UnusedSet] = []
     before = 0
     with progress_bar("objects", len(entries)) as bar:
-        for done, some in night_passes(
+        for done, some, failed in night_passes(
             entries,
             config.site.to_site(),
             span,
@@ -128,9 +142,29 @@ def _looked_for(
             errors=catalogue_errors(config.catalogue),
         ):
             found += some
+            lost += failed
             bar(done - before)
             before = done
-    return sorted(found, key=lambda each: each.rise.t_utc_ns)
+    report_lost(lost, entries, is_all=not found)
+    return sorted(found, key=lambda each: each.rise.t_utc_ns), lost
+
+
+def report_lost(
+    lost: "Sequence[UnusedSet]", entries: "Sequence[CatalogueEntry]", *, is_all: bool
+) -> None:
+    """Say on stderr for which objects SGP4 has no place in all of the time.
+
+    ``is_all``: nothing was found of any other. Raises OrbitError where it then has one for none.
+    """
+    from rsoconsole.orbits import first_few
+
+    if not lost:
+        return
+    words = first_few([each.words for each in lost])
+    if is_all and len(lost) == len({each.norad_id for each in entries}):
+        raise OrbitError(f"no object can be propagated there: {words}")
+    count = count_words(len(lost), "object")
+    output.print_to_stderr(f"rsoconsole: {count} without a place in all of the time: {words}")
 
 
 def _left_out_words(found: "Sequence[NightPass]", top: float) -> str:

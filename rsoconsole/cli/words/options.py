@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,7 +43,8 @@ SessionsArgument = Annotated[
 TleOption = Annotated[
     list[Path] | None,
     typer.Option(
-        help="Element sets: TLE, or OMM as XML, JSON or CSV, - on standard input; may be repeated."
+        help="Element sets: TLE, or OMM as XML, JSON, CSV or KVN, - on standard input; may be"
+        " repeated."
     ),
 ]
 WriteOption = Annotated[
@@ -98,19 +100,31 @@ def number_or_text(value: str) -> float | str:
 
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits import CatalogueEntry
+    from rsoconsole.cli.words.standard_input import InputFiles
+    from rsoconsole.orbits import ElementSets
 
 
 _OPTION = "--tle FILE"
 
 
-def read_element_sets(files: Sequence[Path]) -> "Sequence[CatalogueEntry]":
-    """Element sets of these files; raises OrbitError with the remedy where ``files`` is empty."""
+def read_element_sets(files: Sequence[Path], given: "InputFiles | None" = None) -> "ElementSets":
+    """Return the element sets of these files; those that cannot be used are said on stderr.
+
+    ``given``: names for people of the files. Raises OrbitError with the remedy where ``files`` is
+    empty.
+    """
     from rsoconsole.pipeline import NO_ELEMENTS, read_catalogue
 
     if not files:
         raise OrbitError(NO_ELEMENTS.format(_OPTION))
-    return read_catalogue(files)
+    sets = read_catalogue(files)
+    if given is not None:
+        names = [given.name_standard_input(each.source) for each in sets.not_used]
+        named = zip(sets.not_used, names, strict=True)
+        sets = replace(sets, not_used=tuple(replace(each, source=name) for each, name in named))
+    if words := sets.not_used_words:
+        output.print_to_stderr(f"rsoconsole: {words}")
+    return sets
 
 
 def session_element_files(path: Path, configured: Sequence[Path]) -> list[Path]:

@@ -14,7 +14,7 @@ from rsoconsole.console.dialogs._list_dialog import ListDialog
 from rsoconsole.console.dialogs.ask import UNREAD_CHECK_S
 from rsoconsole.console.drawing.plot import Ink
 from rsoconsole.console.watches.messages import call_between_messages
-from rsoconsole.words import duration_words, utc_text
+from rsoconsole.words import count_words, duration_words, utc_text
 
 if TYPE_CHECKING:
     from rsoconsole.pipeline import VisibleSatellite
@@ -45,6 +45,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         self._found: tuple[VisibleSatellite, ...] | None = None
         self._t_utc_ns = 0
         self._limit_deg = 0.0
+        self._not_used = 0
         self._fault = ""
         self._order: Order = "altitude"
 
@@ -70,7 +71,9 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         found: tuple[VisibleSatellite, ...] = ()
         fault = ""
         try:
-            found = visible_satellites(read_catalogue(files), site, t_utc_ns, limits)
+            sets = read_catalogue(files)
+            self._not_used = len(sets.not_used)
+            found = visible_satellites(sets.entries, site, t_utc_ns, limits)
         except RsoconsoleError as error:
             fault = str(error)
         except Exception:  # whatever it is, nobody waits for ever for the list
@@ -115,6 +118,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         return self._fault or (
             f"{len(self.matching_rows)} of {len(self._found)} above {self._limit_deg:g}°"
             f" at {utc_text(self._t_utc_ns)}, by {self._order}"
+            + (f"; {count_words(self._not_used, 'element set')} not used" * bool(self._not_used))
         )
 
     def row_words(self, row: "VisibleSatellite", width: int) -> tuple[str, Ink]:  # noqa: ARG002

@@ -184,19 +184,24 @@ def check_catalogue(config: Config) -> CheckResult:
             f"{fetch}, or name files in catalogue.tle_files",
         )
     try:
-        entries = read_catalogue(files)
+        sets = read_catalogue(files)
     except RsoconsoleError as error:
         return failed_check(str(error), f"{fetch}, or mend the path")
     now_utc_ns = utc_now_ns()
-    in_order = sorted(entries, key=lambda each: each.epoch_utc_ns)
+    in_order = sorted(sets.entries, key=lambda each: each.epoch_utc_ns)
     newest = {each.norad_id: each.epoch_utc_ns for each in in_order}
     ages_days = sorted((now_utc_ns - epoch) / NS_PER_DAY for epoch in newest.values())
     middle_days = ages_days[len(ages_days) // 2]
     is_fresh = middle_days <= STALE_DAYS
+    detail = f"{len(newest)} objects, half of their elements younger than {middle_days:.1f} d"
+    remedies = [] if is_fresh else [f"{fetch}: kept satellites leave their elements by then"]
+    if words := sets.not_used_words:
+        detail += f"; {words}"
+        remedies.append("mend these sets, or fetch them again")
     return CheckResult(
-        ok=True if is_fresh else None,
-        detail=f"{len(newest)} objects, half of their elements younger than {middle_days:.1f} d",
-        remedy="" if is_fresh else f"{fetch}: kept satellites leave their elements by then",
+        ok=None if remedies else True,
+        detail=detail,
+        remedy="; ".join(remedies),
     )
 
 

@@ -45,9 +45,14 @@ def load_awaited_elements(config: Config) -> CatalogueEntry:
             f"no elements of {number}: name element sets in catalogue.tle_files of the"
             " configuration, or with --tle FILE"
         )
-    found = [each for each in read_catalogue(files) if each.norad_id == number]
+    sets = read_catalogue(files)
+    found = [each for each in sets.entries if each.norad_id == number]
     if not found:
-        raise OrbitError(f"no elements of {number} in {', '.join(map(str, files))}")
+        why = "; ".join(each.words for each in sets.not_used if each.norad_id == number)
+        raise OrbitError(
+            f"no elements of {number} in {', '.join(map(str, files))}"
+            + (f" can be used: {why}" if why else "")
+        )
     return max(found, key=lambda each: each.epoch_utc_ns)
 
 

@@ -1,48 +1,26 @@
-"""Catalogues as published: two-line elements, or OMM as XML, JSON or CSV. Pure.
-
-Source of OMM: CCSDS 502.0-B-3, as CelesTrak and Space-Track write it; its fields are read by the
-package sgp4. An OMM may carry catalogue numbers that two lines have no room for.
-"""
+"""Catalogued objects: their places by SGP4, and how one is found by its name. Pure."""
 
 import difflib
-import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from sgp4 import omm
 from sgp4.api import Satrec, SatrecArray
 
-from rsoconsole.base import OrbitError, parse_json
-from rsoconsole.orbits.elements.elements import ElementSet, parse_elements
+from rsoconsole.base import OrbitError
+from rsoconsole.orbits.elements.elements import ElementSet
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     IntArray,
     SkyPlaces,
     astrometric_places,
-    iso_to_utc_ns,
     jd_utc,
     lit_fraction,
     phase_angle_deg,
     teme_to_gcrs_rotation,
 )
-from rsoconsole.words import catalogued_name, utc_ns_to_iso
-
-_OF_TWO_LINES = {
-    "CLASSIFICATION_TYPE": "U",
-    "OBJECT_ID": "",
-    "EPHEMERIS_TYPE": "0",
-    "ELEMENT_SET_NO": "0",
-    "REV_AT_EPOCH": "0",
-    "MEAN_MOTION_DDOT": "0",
-}
-"""Fields that an OMM may omit, with the values that SGP4 gets instead."""
-_MAX_ALPHA_5 = 339_999
-MAX_SETS = 200_000
-"""Largest number of element sets in one text: three times all ever catalogued."""
-_SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
+from rsoconsole.words import catalogued_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,28 +41,6 @@ class CatalogueEntry:
     def eccentricity(self) -> float:
         """Eccentricity as published."""
         return float(self.record.ecco)
-
-
-def parse_catalogue(text: str, source: str = "catalogue") -> tuple[CatalogueEntry, ...]:
-    """Parse all element sets of a text: two lines, or OMM as XML, JSON or CSV.
-
-    Raises OrbitError, naming ``source`` and the line or the object, for a text that cannot be read
-    and for one without any element set.
-    """
-    text = text.removeprefix("\ufeff")
-    start = text.lstrip()
-    _expect_so_many(start, source)
-    if start.startswith("<"):
-        found = _of_messages(_xml(start, source), source)
-    elif start.startswith(("[", "{")):
-        found = _of_messages(_json(start, source), source)
-    elif _is_table(start):
-        found = _of_messages(omm.parse_csv(io.StringIO(start)), source)
-    else:
-        found = tuple(_of_lines(each) for each in parse_elements(text, source))
-    if not found:
-        raise OrbitError(f"{source} holds no element set: fetch it again, as TLE or OMM")
-    return found
 
 
 def nearest_epoch_entries(
@@ -144,29 +100,12 @@ def object_places(entry: CatalogueEntry, site: Site, t_utc_ns: IntArray) -> SkyP
     return astrometric_places(position_of, site, t_utc_ns)
 
 
-def _expect_so_many(start: str, source: str) -> None:
-    """Raise OrbitError before the work where there are too many sets; nothing is parsed yet."""
-    if start.startswith(("<", "[", "{")):
-        mark = "<NORAD_CAT_ID" if start.startswith("<") else '"NORAD_CAT_ID"'
-        found = start.count(mark)
-    else:
-        found = start.rstrip().count("\n" if _is_table(start) else "\n2 ")
-    if found > MAX_SETS:
-        raise OrbitError(
-            f"{source} holds {found:,} element sets, {MAX_SETS:,} at most can be used: keep those"
-            " of the last days, one for each object"
-        )
-
-
-def _is_table(start: str) -> bool:
-    return "NORAD_CAT_ID" in start.partition("\n")[0]
-
-
-def _of_lines(element_set: ElementSet) -> CatalogueEntry:
+def entry_of_lines(element_set: ElementSet) -> CatalogueEntry:
+    """Return the entry of two lines. Raises OrbitError where SGP4 refuses them."""
     try:
         record = Satrec.twoline2rv(element_set.line_1, element_set.line_2)
     except ValueError as error:
-        raise OrbitError(f"satellite {element_set.norad_id}: {error}; fetch it again") from error
+        raise OrbitError(f"satellite {element_set.norad_id}: {error}") from error
     return CatalogueEntry(
         name=element_set.name,
         norad_id=element_set.norad_id,
@@ -175,56 +114,14 @@ def _of_lines(element_set: ElementSet) -> CatalogueEntry:
     )
 
 
-def _xml(text: str, source: str) -> Sequence[Mapping[str, Any]]:
-    from xml.etree.ElementTree import ParseError
-
-    try:
-        return list(omm.parse_xml(io.StringIO(text)))
-    except (ParseError, AttributeError, TypeError) as error:
-        raise OrbitError(f"{source} is no OMM in XML: {error}; fetch it again") from error
+_DECAYED = 6
 
 
-def _json(text: str, source: str) -> Sequence[Mapping[str, Any]]:
-    try:
-        read = parse_json(text)
-    except ValueError as error:
-        raise OrbitError(f"{source} is no OMM in JSON: {error}; fetch it again") from error
-    messages = read if isinstance(read, list) else [read]
-    if not all(isinstance(each, dict) for each in messages):
-        raise OrbitError(f"{source} is no OMM in JSON: a list of objects is needed; fetch it again")
-    return messages
-
-
-def _of_messages(messages: Iterable[Mapping[str, Any]], source: str) -> tuple[CatalogueEntry, ...]:
-    return tuple(
-        _of_message(each, f"{source}, object {number}")
-        for number, each in enumerate(messages, start=1)
-    )
-
-
-def _of_message(message: Mapping[str, Any], where: str) -> CatalogueEntry:
-    fields = {str(key): str(value).strip() for key, value in message.items() if value is not None}
-    for key, allowed in (("MEAN_ELEMENT_THEORY", _SGP4_THEORIES), ("TIME_SYSTEM", {"UTC"})):
-        if fields.get(key) and fields[key].upper() not in allowed:
-            raise OrbitError(f"{where}: {key} is {fields[key]}; only {min(allowed)} can be used")
-    fields = {**_OF_TWO_LINES, **{key: value for key, value in fields.items() if value}}
-    try:
-        norad_id = int(fields["NORAD_CAT_ID"])
-        epoch_utc_ns = iso_to_utc_ns(fields["EPOCH"])
-        fields["EPOCH"] = utc_ns_to_iso(epoch_utc_ns, 6).removesuffix("Z")
-        fields["NORAD_CAT_ID"] = str(norad_id if norad_id <= _MAX_ALPHA_5 else 0)
-        record = Satrec()
-        omm.initialize(record, fields)
-    except KeyError as error:
-        raise OrbitError(f"{where}: {error.args[0]} is missing; fetch it again") from error
-    except ValueError as error:
-        raise OrbitError(f"{where}: {error}; fetch it again") from error
-    return CatalogueEntry(
-        name=fields.get("OBJECT_NAME", ""),
-        norad_id=norad_id,
-        epoch_utc_ns=epoch_utc_ns,
-        record=record,
-    )
+def failure_words(code: int) -> str:
+    """Return why SGP4 gives no place, by its error code (AIAA 2006-6753)."""
+    if code == _DECAYED:
+        return "SGP4 has no place for it: it has come down by then (error 6)"
+    return f"SGP4 has no place for it: its elements become those of no orbit (error {code})"
 
 
 LISTED = 8
@@ -295,7 +192,7 @@ class Satellite:
         self.element_set = element_set
         self.standard_magnitude = standard_magnitude
         if isinstance(element_set, ElementSet):
-            element_set = _of_lines(element_set)
+            element_set = entry_of_lines(element_set)
         self.record = element_set.record
         if self.record.error:
             raise OrbitError(

@@ -169,6 +169,8 @@ class FieldCatalogue:
         self._at_utc_ns: int | None = None
         self._sets: tuple[CatalogueEntry, ...] = ()
         self._too_old = 0
+        self.without_place: tuple[CatalogueEntry, ...] = ()
+        """Objects for which SGP4 has no place at the last frame."""
 
     @property
     def compared_count(self) -> int:
@@ -219,6 +221,7 @@ class FieldCatalogue:
         seen = exposure.middle.places_at_leads(self._satellites, np.zeros(1))
         speed = np.linalg.norm(seen.v_km_s[:, 0], axis=-1)
         is_there = np.isfinite(speed)
+        self.without_place = tuple(self._sets[n] for n in np.flatnonzero(~is_there))
         age_days = (view.t_mid_utc_ns - self._epoch_ns) / NS_PER_DAY
         speed_known = np.where(is_there, speed, 1.0)
         spread = element_spread(self._regimes, age_days, speed_known, self._errors)

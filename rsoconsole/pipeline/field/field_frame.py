@@ -289,6 +289,8 @@ class FrameMatches:
     """Detections of ``match.lines``: the accepted ones, and those below tau that are identified."""
     compared: int
     too_old: int
+    without_place: tuple[CatalogueEntry, ...] = ()
+    """Objects for which SGP4 has no place then."""
 
     @property
     def crossing_indices(self) -> tuple[int, ...]:
@@ -343,6 +345,7 @@ class CatalogueMatcher:
             detections=tuple(frame.detections[n] for n in kept),
             compared=self._catalogue.compared_count,
             too_old=self._catalogue.too_old_count,
+            without_place=self._catalogue.without_place,
         )
 
     def match_movers(self, frames: Sequence[FieldFrame]) -> tuple[MoverMatches, ...]:

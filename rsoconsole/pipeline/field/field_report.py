@@ -6,7 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from rsoconsole.orbits import OLDEST_DAYS, Candidate, LineChoice, LineMatch, orbit_regime
+from rsoconsole.orbits import (
+    OLDEST_DAYS,
+    Candidate,
+    LineChoice,
+    LineMatch,
+    first_few,
+    orbit_regime,
+)
 from rsoconsole.pipeline.field.field_frame import TAKEN, FieldFrame, FrameMatches, MoverMatches
 from rsoconsole.pipeline.words.reports import detection_report
 from rsoconsole.records import FloatArray
@@ -18,7 +25,7 @@ from rsoconsole.sky import (
     sky_to_pixel,
     unit_to_direction,
 )
-from rsoconsole.words import utc_ns_to_iso
+from rsoconsole.words import catalogued_name, count_words, utc_ns_to_iso
 
 EXPECTED = 0.5
 """Probability to have crossed the frame from which an object counts as expected."""
@@ -79,7 +86,7 @@ def frame_report(name: str, answer: FrameMatches, movers: Mapping[int, int]) -> 
         ],
         "crossed": crossed,
         "streaks": streaks,
-        "notes": [*frame.notes, *_too_old(answer)],
+        "notes": [*frame.notes, *_too_old(answer), *_without_place(answer)],
     }
 
 
@@ -122,6 +129,14 @@ def _too_old(answer: FrameMatches) -> list[str]:
         return []
     days = f"more than {OLDEST_DAYS:.0f} days from the frame"
     return [f"{answer.too_old:,} catalogued objects left out, their elements are {days}"]
+
+
+def _without_place(answer: FrameMatches) -> list[str]:
+    if not answer.without_place:
+        return []
+    names = [catalogued_name(each.name, each.norad_id) for each in answer.without_place]
+    count = count_words(len(names), "catalogued object")
+    return [f"{count} without a place then by SGP4 (decayed?): {first_few(names)}"]
 
 
 def _seen_as(answer: FrameMatches) -> dict[int, int]:

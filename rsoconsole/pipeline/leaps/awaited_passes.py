@@ -173,7 +173,7 @@ def next_awaited_pass(
     satellite = Satellite(entry)
     span = (now_utc_ns, now_utc_ns + NS_PER_DAY)
     passes = night_passes([entry], site, span, limits, is_low_only=False, errors=errors)
-    for each in chain.from_iterable(some for _, some in passes):
+    for each in chain.from_iterable(some for _, some, _ in passes):
         if each.lit_from_utc_ns is None:
             continue
         awaited = awaited_pass(

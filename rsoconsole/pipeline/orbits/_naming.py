@@ -1,5 +1,6 @@
 """Identification of the tracks with catalogued objects, repeated as their measurements grow."""
 
+import logging
 import threading
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -23,6 +24,7 @@ from rsoconsole.pipeline.orbits.uncorrelated_tracks import Past
 from rsoconsole.records import CatalogueMatch, Identified, LedgerName
 from rsoconsole.words import ledger_words
 
+log = logging.getLogger(__name__)
 FIRST_AT = 3
 _MORE = 1.5
 """Growth of the number of directions after which a track is compared again."""
@@ -50,7 +52,10 @@ class Catalogue:
 
     def _read(self) -> None:
         try:
-            self._entries = read_catalogue(self.files)
+            sets = read_catalogue(self.files)
+            self._entries = sets.entries
+            if words := sets.not_used_words:
+                log.warning("%s", words)
         except OrbitError as error:
             self._fault = error
         except Exception as error:  # the caller is given it

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from rsoconsole.base import OrbitError, SessionError, read_named_file
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.base import OrbitError, SessionError, read_named_bytes
+from rsoconsole.orbits import CatalogueEntry, ElementSets, parse_element_sets
 from rsoconsole.pipeline.sources.store import ElementStore, is_store
 from rsoconsole.session import SessionReader
 from rsoconsole.words import NAME_ELEMENTS, NS_PER_DAY
@@ -58,14 +58,17 @@ YIELDS_AFTER_NS = 3 * NS_PER_DAY
 """Time, ns, by which a later source's elements of an object must be newer to be preferred."""
 
 
-def read_catalogue(files: Sequence[Path]) -> tuple[CatalogueEntry, ...]:
+def read_catalogue(files: Sequence[Path]) -> ElementSets:
     """Read the element sets of all files; ``files`` may hold folders of the element cache.
 
     Of a folder, each object's sets are those of one source (``sets_by_precedence``).
-    Raises OrbitError naming a file that cannot be read.
+    Raises OrbitError naming a file that cannot be read, and one without any set to use.
     """
-    sources = (_of_folder(path) if path.is_dir() else _of_file(path) for path in files)
-    return tuple(chain.from_iterable(sources))
+    read = [_of_folder(path) if path.is_dir() else _of_file(path) for path in files]
+    return ElementSets(
+        entries=tuple(chain.from_iterable(each.entries for each in read)),
+        not_used=tuple(chain.from_iterable(each.not_used for each in read)),
+    )
 
 
 def sets_by_precedence(sources: Iterable[Iterable[CatalogueEntry]]) -> tuple[CatalogueEntry, ...]:
@@ -90,7 +93,7 @@ def _newest(sets: Iterable[CatalogueEntry]) -> int:
     return max(each.epoch_utc_ns for each in sets)
 
 
-def _of_folder(folder: Path) -> tuple[CatalogueEntry, ...]:
+def _of_folder(folder: Path) -> ElementSets:
     if not is_store(folder):
         raise OrbitError(
             f"{folder} is a folder, and none that 'rsoconsole catalogue' keeps: name files of"
@@ -99,8 +102,13 @@ def _of_folder(folder: Path) -> tuple[CatalogueEntry, ...]:
     files = ElementStore(folder).files()
     if not files:
         raise OrbitError(f"{folder} holds no elements yet: 'rsoconsole catalogue update' gets them")
-    return sets_by_precedence(_of_file(path) for path in files)
+    read = [_of_file(path) for path in files]
+    return ElementSets(
+        entries=sets_by_precedence(each.entries for each in read),
+        not_used=tuple(chain.from_iterable(each.not_used for each in read)),
+    )
 
 
-def _of_file(path: Path) -> tuple[CatalogueEntry, ...]:
-    return parse_catalogue(read_named_file(path, OrbitError, NAME_ELEMENTS), str(path))
+def _of_file(path: Path) -> ElementSets:
+    content = read_named_bytes(path, OrbitError, NAME_ELEMENTS)
+    return parse_element_sets(content, str(path))

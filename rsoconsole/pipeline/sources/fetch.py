@@ -6,18 +6,13 @@ circles. Each fault is one sentence, without any secret of the address. No reque
 
 import base64
 import contextlib
-import gzip
-import html
 import http.client
-import io
-import re
 import socket
 import ssl
 import threading
 import time
 import urllib.error
 import urllib.request
-import zipfile
 import zlib
 from collections.abc import Mapping
 from http.cookiejar import CookieJar
@@ -27,6 +22,7 @@ from urllib.parse import parse_qsl, quote_plus, unquote, urlencode, urlsplit, ur
 from rsoconsole import __version__
 from rsoconsole.base import OrbitError
 from rsoconsole.config import without_secrets
+from rsoconsole.orbits import gunzipped, remark_of
 
 MAX_BYTES = 64 << 20
 """Largest size of one unpacked answer; the whole catalogue has a third of it."""
@@ -34,7 +30,7 @@ MAX_REDIRECTS = 5
 DEADLINE_S = 180.0
 SILENT_S = 30.0
 _CHUNK = 1 << 16
-_MAX_OF_A_REFUSAL, _LONGEST_REASON, _SHORTEST_SECRET = 4096, 200, 3
+_MAX_OF_A_REFUSAL, _SHORTEST_SECRET = 4096, 3
 _REFUSALS = {401, 403, 429, 451}
 
 FaultKind = Literal["refused", "unreachable", "failed"]
@@ -138,7 +134,7 @@ class Fetcher:
             with contextlib.closing(self._opener.open(request, timeout=timeout_s)) as answer:
                 return _body(answer, deadline)
         except urllib.error.HTTPError as error:
-            why = _first_line(error, _secrets(url, form))
+            why = without_secrets_of(url, _reason(error), form)
             raise FetchError(*_answer_fault(error.code, why)) from None
 
 
@@ -169,21 +165,12 @@ def _body(answer: Any, deadline: float) -> bytes:
     if not is_packed:
         return b"".join(parts)
     try:
-        plain = gunzipped(b"".join(parts))
+        plain = gunzipped(b"".join(parts), MAX_BYTES)
     except EOFError as error:
         raise cut_off from error
     if len(plain) > MAX_BYTES:
         raise FetchError(f"it sends more than {MAX_BYTES >> 20} MB", "failed")
     return plain
-
-
-def gunzipped(content: bytes) -> bytes:
-    """Return the unpacked content of a gzip file, cut off after ``MAX_BYTES`` + 1 bytes.
-
-    Raises EOFError where the file ends too early, OSError or zlib.error where it is not gzip.
-    """
-    with gzip.GzipFile(fileobj=io.BytesIO(content)) as stream:
-        return stream.read(MAX_BYTES + 1)
 
 
 def _fault(error: BaseException, where: str, deadline_s: float) -> FetchError:
@@ -217,11 +204,8 @@ def _answer_fault(status: int, why: str) -> tuple[str, FaultKind, bool]:
     return f"answers with fault {status}{hint}", "failed", True
 
 
-def _first_line(error: urllib.error.HTTPError, secrets: frozenset[str]) -> str:
-    """Server's reason for a refusal: the first line of its answer, or the title of its page.
-
-    Empty where the answer holds none; it contains no secret and no control character.
-    """
+def _reason(error: urllib.error.HTTPError) -> str:
+    """Server's reason for a refusal; empty where its answer holds none."""
     try:
         with contextlib.closing(error):
             content = error.read(_MAX_OF_A_REFUSAL)
@@ -229,14 +213,14 @@ def _first_line(error: urllib.error.HTTPError, secrets: frozenset[str]) -> str:
             content = zlib.decompressobj(wbits=31).decompress(content, _MAX_OF_A_REFUSAL)
     except (OSError, http.client.HTTPException, zlib.error):
         return ""
-    text = html.unescape(content.decode("utf-8", "replace"))
-    if text.lstrip().startswith("<"):
-        title = re.search(r"<title[^>]*>(.*?)</title>", text, re.DOTALL | re.IGNORECASE)
-        text = " ".join(title[1].split()) if title else ""
-    line = next((each for each in map(str.strip, text.splitlines()) if each), "")
-    for secret in sorted(secrets, key=len, reverse=True):
-        line = line.replace(secret, "...")
-    return "".join(c if c.isprintable() else " " for c in line)[:_LONGEST_REASON]
+    return remark_of(content.decode("utf-8", "replace")) if content.strip() else ""
+
+
+def without_secrets_of(url: str, words: str, form: Mapping[str, str] | None = None) -> str:
+    """Return words of a server without what its address and a form keep secret."""
+    for secret in sorted(_secrets(url, form), key=len, reverse=True):
+        words = words.replace(secret, "...")
+    return words
 
 
 def _secrets(url: str, form: Mapping[str, str] | None) -> frozenset[str]:
@@ -247,61 +231,3 @@ def _secrets(url: str, form: Mapping[str, str] | None) -> frozenset[str]:
     plain += [unquote(each) for each in plain if each] + [value for _, value in pairs]
     plain += [quote_plus(each) for each in plain if each]
     return frozenset(each for each in plain if each and len(each) >= _SHORTEST_SECRET)
-
-
-_GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
-
-
-def decode_answer(content: bytes) -> str:
-    """Return an answer as text, unpacked.
-
-    Raises OrbitError where it is not text, or larger than ``MAX_BYTES``.
-    """
-    if content.startswith(_GZIP):
-        content = _gunzipped(content)
-    elif content.startswith(_ZIP):
-        content = _of_archive(content)
-    if len(content) > MAX_BYTES:
-        raise OrbitError(f"unpacked it is larger than {MAX_BYTES >> 20} MB")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")
-    if "\x00" in text:
-        raise OrbitError("it is no text, not elements")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def reject_web_page(text: str) -> None:
-    """Raise OrbitError for an empty text, a web page, or a short message without elements."""
-    start = text.lstrip()[:400]
-    lower = start.lower()
-    if lower.startswith(("<!doctype html", "<html")) or ("<html" in lower and "<ndm" not in lower):
-        raise OrbitError("a web page came in place of elements")
-    lines = start.splitlines()
-    if not start:
-        raise OrbitError("the answer is empty")
-    if len(text) < 200 and not start.startswith(("[", "{", "<")) and len(lines) < 2:
-        words = "".join(c if c.isprintable() else " " for c in lines[0])[:80]
-        raise OrbitError(f"no elements, but: {words}")
-
-
-def _gunzipped(content: bytes) -> bytes:
-    try:
-        return gunzipped(content)
-    except (OSError, zlib.error) as error:
-        raise OrbitError(f"its gzip is broken ({error})") from error
-    except EOFError as error:
-        raise OrbitError("its gzip ends before it is whole") from error
-
-
-def _of_archive(content: bytes) -> bytes:
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            files = [each for each in archive.infolist() if not each.is_dir()]
-            if len(files) != 1:
-                raise OrbitError(f"its archive holds {len(files)} files, one is needed")
-            with archive.open(files[0]) as stream:
-                return stream.read(MAX_BYTES + 1)
-    except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, NotImplementedError) as error:
-        raise OrbitError(f"its archive is broken ({error})") from error

@@ -28,7 +28,7 @@ from rsoconsole.base import (
     write_durably,
 )
 from rsoconsole.config import SourceKind, data_dir, expand_home, split_source, without_secrets
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits import ElementSets, UnusedSet, parse_element_sets
 from rsoconsole.words import NS_PER_S
 
 _SPACE_TRACK = {
@@ -118,6 +118,8 @@ class SourceStatus:
     newest_epoch_utc_ns: int | None = None
     middle_epoch_utc_ns: int | None = None
     """Median epoch: half of the objects have newer elements."""
+    not_used: tuple[UnusedSet, ...] = ()
+    """Sets of the source that cannot be used, each with its reason."""
 
     def due_utc_ns(self, now_utc_ns: int) -> int:
         """Return the time, UTC ns, from which the source may be asked again.
@@ -156,7 +158,7 @@ class ElementStore:
         return tuple(path for path in named if path.is_file())
 
     def replace_elements(
-        self, source: ElementSource, text: str, entries: Sequence[CatalogueEntry], now_utc_ns: int
+        self, source: ElementSource, text: str, sets: ElementSets, now_utc_ns: int
     ) -> SourceStatus:
         """Replace a source's elements by new ones; the time of the last request stays."""
         name = f"{source.slug}.txt"
@@ -168,7 +170,7 @@ class ElementStore:
                 fetched_utc_ns=now_utc_ns,
                 refused_utc_ns=None,
                 fault=None,
-                **element_figures(entries),
+                **element_figures(sets),
             )
 
     def update_status(self, source: ElementSource, **values: Any) -> SourceStatus:
@@ -288,25 +290,26 @@ class ElementStore:
             os.close(lock)
 
 
-def element_figures(entries: Sequence[CatalogueEntry]) -> dict[str, int]:
-    """Return numbers of sets and objects, and their epochs, named by fields of ``SourceStatus``."""
+def element_figures(sets: ElementSets) -> dict[str, Any]:
+    """Return what is known of element sets, named by fields of ``SourceStatus``."""
     newest: dict[int, int] = {}
-    for each in entries:
+    for each in sets.entries:
         newest[each.norad_id] = max(each.epoch_utc_ns, newest.get(each.norad_id, 0))
     epochs = sorted(newest.values())
     return {
         "objects": len(newest),
-        "sets": len(entries),
+        "sets": len(sets.entries),
         "newest_epoch_utc_ns": epochs[-1],
         "middle_epoch_utc_ns": epochs[len(epochs) // 2],
+        "not_used": sets.not_used,
     }
 
 
 def _figures_of(path: Path) -> dict[str, Any]:
     """Figures of a cached file, as fields of ``SourceStatus``; empty where it has no elements."""
     try:
-        entries = parse_catalogue(path.read_text(errors="replace"), path.name)
+        sets = parse_element_sets(path.read_bytes(), path.name)
         fetched_ns = path.stat().st_mtime_ns
     except (OSError, OrbitError):
         return {}
-    return {"file": path.name, "fetched_utc_ns": fetched_ns, **element_figures(entries)}
+    return {"file": path.name, "fetched_utc_ns": fetched_ns, **element_figures(sets)}

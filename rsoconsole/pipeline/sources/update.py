@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsoconsole.base import OrbitError, read_private_lines, system_errors_as, value_errors_as
-from rsoconsole.orbits import CatalogueEntry, parse_catalogue
+from rsoconsole.orbits import ElementSets, element_text, not_used_words, parse_element_sets
 from rsoconsole.pipeline.sources.fetch import (
     DEADLINE_S,
     MAX_BYTES,
     Fetcher,
     FetchError,
-    decode_answer,
-    reject_web_page,
+    without_secrets_of,
 )
 from rsoconsole.pipeline.sources.store import ElementSource, ElementStore, SourceStatus
 from rsoconsole.words import NAME_ELEMENTS, utc_ns_to_iso
@@ -90,8 +89,8 @@ class SourceUpdater:
         """Import a local file into the cache. Raises OrbitError where it cannot be read."""
         now_utc_ns = self.now_utc_ns()
         assert source.file is not None
-        text, entries = _read(_file_content(source.file), source.words)
-        return self.store.replace_elements(source, text, entries, now_utc_ns)
+        text, sets = self._read(source, _file_content(source.file))
+        return self.store.replace_elements(source, text, sets, now_utc_ns)
 
     def _one(self, source: ElementSource, refusing: dict[str, str]) -> SourceUpdate:
         now_utc_ns = self.now_utc_ns()
@@ -113,10 +112,10 @@ class SourceUpdater:
             content = self._content(source)
             with contextlib.suppress(OrbitError):  # a mount that slews on loses nothing fetched
                 self.wait()
-            text, entries = _read(content, source.words)
+            text, sets = self._read(source, content)
         except OrbitError as error:
             return self._failed(source, kept, error, now_utc_ns)
-        now = self.store.replace_elements(source, text, entries, now_utc_ns)
+        now = self.store.replace_elements(source, text, sets, now_utc_ns)
         return SourceUpdate(
             source=source, is_fetched=True, is_fault=False, words=_words(kept, now), kept=now
         )
@@ -156,22 +155,26 @@ class SourceUpdater:
     def _content(self, source: ElementSource) -> bytes:
         if source.file is not None:
             return _file_content(source.file)
-        url = source.url(celestrak_url=self.celestrak_url, space_track_url=self.space_track_url)
+        url = self._url(source)
         if source.kind != "space-track":
             return Fetcher(deadline_s=self.deadline_s).get(url)
         login = read_login(self.space_track_login)
         return fetch_with_login(url, self.space_track_url, login, self.deadline_s)
 
+    def _read(self, source: ElementSource, content: bytes) -> tuple[str, ElementSets]:
+        """Decode and parse elements. Raises OrbitError, without any secret of the address."""
+        try:
+            with value_errors_as(OrbitError, f"{source.words}: ", OrbitError):
+                text = element_text(content)
+            return text, parse_element_sets(text, source.words)
+        except OrbitError as error:
+            raise OrbitError(without_secrets_of(self._url(source), str(error))) from None
+
+    def _url(self, source: ElementSource) -> str:
+        return source.url(celestrak_url=self.celestrak_url, space_track_url=self.space_track_url)
+
     def _host(self, source: ElementSource) -> str:
         return source.host(celestrak_url=self.celestrak_url, space_track_url=self.space_track_url)
-
-
-def _read(content: bytes, where: str) -> tuple[str, tuple[CatalogueEntry, ...]]:
-    """Decode and parse elements. Raises OrbitError where the content is no catalogue."""
-    with value_errors_as(OrbitError, f"{where}: ", OrbitError):
-        text = decode_answer(content)
-        reject_web_page(text)
-    return text, parse_catalogue(text, where)
 
 
 def _file_content(path: Path) -> bytes:
@@ -185,6 +188,8 @@ def _file_content(path: Path) -> bytes:
 
 def _words(before: SourceStatus, now: SourceStatus) -> str:
     words = f"{now.objects:,} objects"
+    if now.not_used:
+        words += f", {not_used_words(now.sets, [each.words for each in now.not_used])}"
     if before.objects and now.objects < before.objects / 2:
         words += f", {before.objects:,} before: look whether the source has changed"
     return words

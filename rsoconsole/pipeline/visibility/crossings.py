@@ -20,6 +20,8 @@ from rsoconsole.orbits import (
     MU_EARTH_KM3_S2,
     CatalogueEntry,
     ElementErrors,
+    UnusedSet,
+    failure_words,
     nearest_epoch_entries,
     orbit_regime,
     position_sigmas_km,
@@ -118,8 +120,8 @@ class FieldCrossings:
     done: int
     """Number of objects computed so far."""
     crossings: tuple[FieldCrossing, ...]
-    lost: tuple[CatalogueEntry, ...]
-    """Objects to which SGP4 gives no place for all of the span: decayed, or refused."""
+    lost: tuple[UnusedSet, ...]
+    """Objects for which SGP4 has no place in all of the span, each with why."""
 
 
 def field_crossings(
@@ -212,8 +214,8 @@ class _Search:
 
     def look(
         self, entries: Sequence[CatalogueEntry]
-    ) -> tuple[tuple[FieldCrossing, ...], tuple[CatalogueEntry, ...]]:
-        """Return the crossings of these objects, and those of them that SGP4 gives no place."""
+    ) -> tuple[tuple[FieldCrossing, ...], tuple[UnusedSet, ...]]:
+        """Return the crossings of these objects, and those of them without a place."""
         jd_1, jd_2 = jd_utc(self._t)
         failed, r, v = SatrecArray([each.record for each in entries]).sgp4(
             np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
@@ -230,7 +232,11 @@ class _Search:
         )
         t_utc_ns = self._t[steps][:, None] + offsets_ns * NS_PER_S
         found = self._fine(entries, np.repeat(rows, len(offsets_ns)), t_utc_ns.ravel())
-        lost = [entries[int(n)] for n in np.flatnonzero((failed != 0).any(axis=1))]
+        lost = [
+            UnusedSet(norad_id=entry.norad_id, name=entry.name, reason=failure_words(int(code)))
+            for entry, code in zip(entries, failed.max(axis=1), strict=True)
+            if code
+        ]
         return tuple(found), tuple(lost)
 
     def _is_reached(

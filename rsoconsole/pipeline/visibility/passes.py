@@ -15,6 +15,8 @@ from rsoconsole.orbits import (
     ASSUMED,
     CatalogueEntry,
     ElementErrors,
+    UnusedSet,
+    failure_words,
     nearest_epoch_entries,
     orbit_regime,
     position_sigmas_km,
@@ -150,12 +152,13 @@ def night_passes(
     *,
     is_low_only: bool = True,
     errors: ElementErrors = ASSUMED,
-) -> Iterator[tuple[int, tuple[NightPass, ...]]]:
-    """Yield (number of objects computed so far, new passes), some hundred objects at a time.
+) -> Iterator[tuple[int, tuple[NightPass, ...], tuple[UnusedSet, ...]]]:
+    """Yield (number of objects computed so far, new passes, objects without places), in parts.
 
     ``span_utc_ns``: (start, end) within which passes are searched. ``is_low_only``: True for low
     orbits only; else an object that never sets has one pass, the whole span. The element set
-    nearest in epoch is used; elements that SGP4 rejects are left out.
+    nearest in epoch is used. Objects for which SGP4 has no place in all of the span (decayed, old
+    elements) have the passes before that.
     """
     nearest = nearest_epoch_entries(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
@@ -163,15 +166,16 @@ def night_passes(
     done = len(nearest) - len(looked_at)
     for start in range(0, len(looked_at), _OBJECTS_AT_ONCE):
         some = looked_at[start : start + _OBJECTS_AT_ONCE]
+        lost: list[UnusedSet] = []
         found = [
             each
-            for entry, path in looks.near_the_limit(some, limits)
+            for entry, path in looks.near_the_limit(some, limits, lost)
             if (each := _pass(entry, path, span_utc_ns, limits, errors)) is not None
         ]
         done += len(some)
-        yield done, tuple(sorted(found, key=lambda each: each.rise.t_utc_ns))
+        yield done, tuple(sorted(found, key=lambda each: each.rise.t_utc_ns)), tuple(lost)
     if not looked_at:
-        yield done, ()
+        yield done, (), ()
 
 
 def _may_rise(
@@ -182,7 +186,7 @@ def _may_rise(
         return False
     highest_km = entry.record.alta * entry.record.radiusearthkm + EARTH_RADIUS_KM + _FLATTENING_KM
     if not highest_km > EARTH_RADIUS_KM:
-        return False
+        return True  # SGP4 says why it has no place
     low_rad = np.radians(limits.min_altitude_deg)
     reach_rad = (
         np.arccos(np.cos(low_rad) * (EARTH_RADIUS_KM - _FLATTENING_KM) / highest_km) - low_rad
@@ -206,13 +210,22 @@ class _Looks:
         """Rotation from TEME, SGP4's frame, (N, 3, 3)."""
 
     def near_the_limit(
-        self, entries: Sequence[CatalogueEntry], limits: LimitsConfig
+        self, entries: Sequence[CatalogueEntry], limits: LimitsConfig, lost: list[UnusedSet]
     ) -> Iterator[tuple[CatalogueEntry, "_Path"]]:
-        """Yield each object with each run of instants at which it is not far below the limit."""
+        """Yield each object with each run of instants at which it is not far below the limit.
+
+        Objects without a place at some instant are appended to ``lost``.
+        """
         jd_1, jd_2 = jd_utc(self.t_utc_ns)
         failed, r_teme, v_teme = SatrecArray([each.record for each in entries]).sgp4(
             np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
         )
+        for n in np.flatnonzero(failed.any(axis=1)):
+            code = int(failed[n][np.flatnonzero(failed[n])[0]])
+            entry = entries[int(n)]
+            lost.append(
+                UnusedSet(norad_id=entry.norad_id, name=entry.name, reason=failure_words(code))
+            )
         # The site is turned towards the objects' axes: there are far more of those.
         up, site_km = (
             np.einsum("nji,nj->ni", self.to_gcrs, each) for each in (self.axes[0], self.site_km)

@@ -16,7 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rsoconsole.orbits import CatalogueEntry, nearest_epoch_entries, object_places
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    ElementSets,
+    nearest_epoch_entries,
+    object_places,
+)
 from rsoconsole.pipeline.orbits.elements_used import read_catalogue
 from rsoconsole.records import Site
 from rsoconsole.sky import (
@@ -144,8 +149,8 @@ class ParsedDirection:
 class TargetNames:
     """Finds objects by name: satellites of element files, stars, Messier objects, Moon, planets."""
 
-    def __init__(self, entries: Sequence[CatalogueEntry] = ()) -> None:
-        self._entries = tuple(entries)
+    def __init__(self, sets: ElementSets | None = None) -> None:
+        self._sets = sets or ElementSets(entries=())
 
     @classmethod
     def load(cls, files: Sequence[Path]) -> "TargetNames":
@@ -159,7 +164,7 @@ class TargetNames:
         if fixed is not None:
             words, (ra, dec) = fixed
             return ParsedDirection(words=words, ra_icrs_deg=ra, dec_icrs_deg=dec)
-        nearest = nearest_epoch_entries(self._entries, t_utc_ns)
+        nearest = nearest_epoch_entries(self._sets.entries, t_utc_ns)
         exact = [e for e in nearest if wanted in {_plain(e.name), str(e.norad_id)}]
         like = exact or [e for e in nearest if wanted and _plain(e.name).startswith(wanted)]
         if len(like) == 1:
@@ -168,6 +173,9 @@ class TargetNames:
             names = ", ".join(e.name or str(e.norad_id) for e in like[:MANY_NAMES])
             more = ", …" if len(like) > MANY_NAMES else ""
             raise ValueError(f"{text.strip()!r} may be {names}{more}: write more of it")
+        for each in self._sets.not_used:
+            if wanted in {_plain(each.name), str(each.norad_id)}:
+                raise ValueError(f"the elements of {text.strip()!r} cannot be used: {each.words}")
         loaded = f"{len(nearest)} satellites" if nearest else "any file of catalogue.tle_files"
         raise ValueError(f"{text.strip()!r} is no star known here, nor in {loaded}; {USAGE}")
 

@@ -10,11 +10,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.base import ConfigError
-from rsoconsole.orbits import CatalogueEntry, Satellite, nearest_epoch_entries, parse_catalogue
+from rsoconsole.base import ConfigError, read_named_bytes
+from rsoconsole.orbits import CatalogueEntry, Satellite, nearest_epoch_entries, parse_element_sets
 from rsoconsole.records import Site
 from rsoconsole.simulator.nights.scenarios import Scenario, ScenarioSatellite
 from rsoconsole.sky import StarCatalogue
+from rsoconsole.words import NAME_ELEMENTS
 
 STANDARD_MAGNITUDE = {"GEO": 12.0, "MEO": 13.3, "HEO": 12.5, "LEO": 13.3}
 """Magnitude fully lit at 36,000 km, by orbit: common values, chosen, not measured."""
@@ -77,13 +78,10 @@ def scenario_from_plan(plan: NightPlan) -> Scenario:
     """
     entries: list[CatalogueEntry] = []
     for name in plan.element_files:
-        try:
-            entries.extend(parse_catalogue(Path(name).read_text(encoding="utf-8"), name))
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{name} cannot be read: {error}") from error
+        content = read_named_bytes(Path(name), ConfigError, NAME_ELEMENTS)
+        entries.extend(parse_element_sets(content, name).entries)
     nearest = nearest_epoch_entries(entries, plan.t_start_utc_ns)
-    usable = [each for each in nearest if not each.record.error]
-    if not set(plan.targets) <= {each.norad_id for each in usable}:
+    if not set(plan.targets) <= {each.norad_id for each in nearest}:
         raise ConfigError("the element files have changed since the night was chosen: start again")
     return Scenario(
         name=plan.title,
@@ -92,7 +90,7 @@ def scenario_from_plan(plan: NightPlan) -> Scenario:
         t_start_utc_ns=plan.t_start_utc_ns,
         satellites=tuple(
             ScenarioSatellite(element_set=each, standard_magnitude=STANDARD_MAGNITUDE[regime(each)])
-            for each in usable
+            for each in nearest
         ),
         target_norad_id=plan.targets[0],
         target_hour_angle_deg=None,
