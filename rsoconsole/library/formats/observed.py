@@ -40,14 +40,12 @@ from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.orbits import reduce_directions
 from rsoconsole.pipeline import ObservedTrack, read_observed_tracks
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import equinox_to_icrs, wrap_180
+from rsoconsole.sky import equinox_to_icrs
 from rsoconsole.words import NS_PER_S, direction_fault
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
 """Comment line with a station's place, as ``iod`` writes it."""
-NEAR_S = 600.0
-"""Largest time to a neighbouring direction from which the rate of motion is computed, s."""
 SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FILE"
 
 
@@ -284,10 +282,10 @@ def _of_station(
     ra = np.array([each.ra_icrs_deg for each in rows])
     dec = np.array([each.dec_icrs_deg for each in rows])
     cov = np.array([_covariance(each, ask.sigma_arcsec) for each in rows])
-    cov += _of_times(rows, t, ra, dec)
+    late_s = np.array([each.time_sigma_s or 0.0 for each in rows])
     name = path.name if station is None else f"{path.name}, station {station}"
     with value_errors_as(OrbitError, f"{path}: "):
-        seen = reduce_directions(site, t, ra, dec, cov)
+        seen = reduce_directions(site, t, ra, dec, cov, time_sigma_s=late_s)
     return (ObservedTrack(name=name, site=site, limits=None, seen=seen),)
 
 
@@ -310,31 +308,3 @@ def _covariance(row: ObservedRow, sigma_arcsec: float) -> tuple[float, float, fl
     if east <= 0.0 or north <= 0.0 or abs(row.correlation) >= 1.0:
         raise ExportError(f"{row.where}: a sigma must be above 0, a correlation within 1")
     return east**2, row.correlation * east * north, north**2
-
-
-def _of_times(
-    rows: Sequence[ObservedRow],
-    t: np.ndarray[tuple[int], np.dtype[np.int64]],
-    ra: FloatArray,
-    dec: FloatArray,
-) -> FloatArray:
-    """Covariance (N, 3) of errors of time along the motion, by neighbours within ten minutes."""
-    added = np.zeros((len(rows), 3))
-    order = np.argsort(t, kind="stable")
-    for place, n in enumerate(order):
-        sigma_s = rows[n].time_sigma_s
-        near = [
-            m
-            for m in order[max(place - 1, 0) : place + 2]
-            if 0 < abs(int(t[m] - t[n])) <= NEAR_S * NS_PER_S
-        ]
-        if not sigma_s or not near:
-            continue
-        rates = []
-        for m in near:
-            dt_s = (int(t[m]) - int(t[n])) / NS_PER_S
-            east = float(wrap_180(ra[m] - ra[n])) * math.cos(math.radians(dec[n])) * 3600.0 / dt_s
-            rates.append((east, (dec[m] - dec[n]) * 3600.0 / dt_s))
-        east, north = (sigma_s * float(np.mean(each)) for each in zip(*rates, strict=True))
-        added[n] = (east * east, east * north, north * north)
-    return added

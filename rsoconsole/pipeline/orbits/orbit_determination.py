@@ -169,7 +169,7 @@ def _determined(
         return orbit
     # The nights part by more than the directions' own errors: forces that nobody knows.
     apart_arcsec = common_error_arcsec(seen)
-    orbit = determine_orbit(_loosened(seen, apart_arcsec), prior=prior, start=begun)
+    orbit = determine_orbit(seen.with_added_error(apart_arcsec), prior=prior, start=begun)
     if orbit is None or grown is None:
         return orbit
     words = f'the arcs agree only to some {apart_arcsec:.0f}": unknown forces, or a manoeuvre'
@@ -181,14 +181,6 @@ def _determined(
         sigma_a_km=semi_major_axis_sigma_km(grown.state, grown.covariance),
         reason=f"{orbit.reason}; {words}",
     )
-
-
-def _loosened(seen: MeasuredDirections, by_arcsec: float) -> MeasuredDirections:
-    """Return the same directions with an added error on each axis."""
-    whitening = seen.whitening
-    covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
-    wider = covariance + by_arcsec**2 * np.eye(2)
-    return replace(seen, whitening=np.linalg.inv(np.linalg.cholesky(wider)))
 
 
 def _probability(
