@@ -27,6 +27,7 @@ from .foreign_text import parse_toml as parse_toml
 from .foreign_text import read_foreign_text as read_foreign_text
 from .foreign_text import read_named_file as read_named_file
 from .foreign_text import read_private_lines as read_private_lines
+from .foreign_text import read_text_in_any_encoding as read_text_in_any_encoding
 from .indi_port import INDI_PORT as INDI_PORT
 from .indi_port import indi_port_option as indi_port_option
 from .resources import model_file_path as model_file_path

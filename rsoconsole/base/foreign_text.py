@@ -23,6 +23,11 @@ def read_foreign_text(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str 
 
     Raises OSError, also where the file is not regular or is larger, and UnicodeDecodeError.
     """
+    content = _read_regular_file(path, most_bytes)
+    return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _read_regular_file(path: Path, most_bytes: int) -> bytes:
     # A pipe that nobody writes to would be waited for already when it is opened.
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     with os.fdopen(descriptor, "rb") as file:
@@ -31,7 +36,7 @@ def read_foreign_text(path: Path, *, most_bytes: int = MAX_BYTES, encoding: str 
         content = file.read(most_bytes + 1)
     if len(content) > most_bytes:
         raise OSError(f"it is larger than {most_bytes >> 20} MB")
-    return content.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+    return content
 
 
 def read_private_lines(path: Path, fault: type[Exception], remedy: str) -> list[str]:
@@ -60,6 +65,37 @@ def read_named_file(path: Path, fault: type[Exception], absent: str) -> str:
         raise fault(f"{path} does not exist: {absent}") from error
     except (OSError, UnicodeDecodeError) as error:
         raise fault(f"{path} cannot be read: {error}") from error
+
+
+_BYTE_ORDER_MARKS = (
+    (b"\xef\xbb\xbf", "utf-8"),
+    (b"\xff\xfe", "utf-16-le"),
+    (b"\xfe\xff", "utf-16-be"),
+)
+
+
+def read_text_in_any_encoding(path: Path, *, most_bytes: int = MAX_DATA_BYTES) -> str:
+    """Return the text of a regular file in UTF-8, UTF-16 or an 8-bit encoding.
+
+    What is no UTF is read as Latin-1: names may be spelt wrong, figures and ASCII words are not.
+    Raises OSError, and UnicodeDecodeError or ValueError for what is no text.
+    """
+    content = _read_regular_file(path, most_bytes)
+    encoding = next((name for mark, name in _BYTE_ORDER_MARKS if content.startswith(mark)), None)
+    if encoding is None and content[1:2] == b"\0":
+        encoding = "utf-16-le"
+    elif encoding is None and content[:1] == b"\0":
+        encoding = "utf-16-be"
+    if encoding is None:
+        try:
+            text = content.decode()
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")
+    else:
+        text = content.decode(encoding).removeprefix("\ufeff")
+    if "\0" in text:
+        raise ValueError("it is no text")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_json(text: str | bytes) -> Any:

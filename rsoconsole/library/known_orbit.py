@@ -84,6 +84,11 @@ class Orbit:
         return self._orbit.outliers
 
     @property
+    def not_used(self) -> tuple[str, ...]:
+        """Lines of the files that gave no direction, each with its place and why."""
+        return self._found.not_used
+
+    @property
     def rivals(self) -> int:
         """Number of other orbits that fit the directions as well as this orbit."""
         return self._orbit.rivals

@@ -88,7 +88,7 @@ def parse_iod_line(line: str) -> IodObservation:
     cospar = None
     if found["norad"] is not None:
         cospar = f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
-    position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code]
+    position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code] or None
     return IodObservation(
         norad_id=None if found["norad"] is None else int(found["norad"]),
         cospar=cospar,

@@ -73,12 +73,18 @@ class Orbit(KnownOrbit):
     rms_arcsec: float
     """RMS residual of the used directions, per axis, arcsec."""
     observations: int
-    outliers: int
+    outlier_utc_ns: tuple[int, ...]
+    """Times of the directions that the fit leaves out."""
     fit: OrbitFit
     rivals: int
     """Number of other, distinct orbits that fit as well."""
     is_astray: bool = False
     """True where the orbit misses its directions by far: no start led to one through them."""
+
+    @property
+    def outliers(self) -> int:
+        """Number of directions that the fit leaves out."""
+        return len(self.outlier_utc_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -319,7 +325,7 @@ def _labelled(seen: MeasuredDirections, found: _Found, asked: _Asked) -> Orbit:
         sigma_a_km=sigma_a,
         rms_arcsec=float(np.sqrt(np.mean(used**2))),
         observations=len(seen),
-        outliers=len(seen) - int(np.sum(best.is_used)),
+        outlier_utc_ns=tuple(map(int, seen.t_utc_ns[~best.is_used])),
         fit=best,
         rivals=found.rivals,
         is_astray=_is_astray(found),

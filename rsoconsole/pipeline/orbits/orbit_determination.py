@@ -68,6 +68,8 @@ class FoundOrbit:
     parts: tuple[OrbitArc, ...]
     solutions: tuple[GoodingOrbit, ...] = ()
     """Gooding's solutions: every orbit through the three lines that does not meet the ground."""
+    not_used: tuple[str, ...] = ()
+    """Lines of the files that gave no direction, each with its place and why."""
 
 
 def find_orbit(
@@ -106,6 +108,7 @@ def find_orbit(
         seen=seen,
         observed=first[0],
         parts=tuple(sorted(parts, key=lambda part: part.t_first_utc_ns)),
+        not_used=tuple(line for each in observed for line in each.not_used),
     )
 
 
@@ -122,6 +125,7 @@ def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
         seen=seen,
         observed=observed,
         parts=(_part(observed, seen, is_used=True, probability=None),),
+        not_used=observed.not_used,
     )
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return nothing
