@@ -34,6 +34,11 @@ class ShortArc:
     """True state (6,) at the instant ``start_utc_ns``."""
     start_utc_ns: int
 
+    @property
+    def span_s(self) -> float:
+        """From the first line to the last."""
+        return float(np.ptp(self.t_utc_ns)) / NS_PER_S
+
     def states(self, t_utc_ns: IntArray) -> FloatArray:
         """True states (N, 6) at instants in order of time, all of them after the start."""
         return _flown(self.start, (np.asarray(t_utc_ns) - self.start_utc_ns) / NS_PER_S)

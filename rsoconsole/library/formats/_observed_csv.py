@@ -52,6 +52,20 @@ class ReadRows:
     """Each line that is not used, with its place and why."""
 
 
+_YEARS = (1957, 2200)
+"""Years of observations, from the first satellite on; later than 2262 nanoseconds end."""
+
+
+def instant_utc_ns(text: str) -> int:
+    """Return the instant of an observation. Raises ValueError, also for a year of no satellite."""
+    t_utc_ns = iso_to_utc_ns(text)
+    first, last = _YEARS
+    if not _FIRST_UTC_NS <= t_utc_ns < _LAST_UTC_NS:
+        raise ValueError(f"{text[:30]!r} is no time of a satellite: {first} to {last}")
+    return t_utc_ns
+
+
+_FIRST_UTC_NS, _LAST_UTC_NS = (iso_to_utc_ns(f"{year}-01-01T00:00:00Z") for year in _YEARS)
 _TIME = ("t_mid_utc", "time_utc", "obtime", "utc", "time", "epoch", "date_obs", "datetime", "t")
 _RA = ("ra_icrs_deg", "ra_deg", "ra", "ra_j2000_deg", "right_ascension_deg", "right_ascension")
 _DEC = ("dec_icrs_deg", "dec_deg", "dec", "dec_j2000_deg", "declination_deg", "declination")
@@ -232,7 +246,7 @@ class _Columns:
 
         ra, dec, is_degrees = self._direction(number, where)
         with value_errors_as(ExportError, f"{where}: "):
-            t_utc_ns = iso_to_utc_ns((text(_TIME) or "").replace(" ", "T"))
+            t_utc_ns = instant_utc_ns((text(_TIME) or "").replace(" ", "T"))
         latitude, longitude = number(_LATITUDE), number(_LONGITUDE)
         site = None
         if latitude is not None and longitude is not None:

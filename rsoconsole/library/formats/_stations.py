@@ -18,7 +18,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)", re.ASCII)
 _ANGLE = re.compile(r"([NSEW]?)([+-]?(?:\d+\.?\d*|\.\d+))°?([NSEW]?)", re.ASCII | re.IGNORECASE)
 _STATION = re.compile(r"\w{1,16}", re.ASCII)
 _COLUMNS = {
-    "station": {"no", "number", "station", "id", "code", "cospar", "site"},
+    "station": {"no", "number", "station", "code", "cospar", "site"},
     "latitude": {"latitude", "lat", "lat_deg", "latitude_deg"},
     "longitude": {"longitude", "lon", "long", "lon_deg", "longitude_deg"},
     "height": {"elev", "elevation", "height", "alt", "altitude", "alt_m", "elev_m", "height_m"},
@@ -90,7 +90,7 @@ def _named_columns(names: Sequence[str]) -> dict[str, int]:
         of_it = [n for n, name in enumerate(plain) if name in known]
         if of_it:
             found[what] = of_it[0]
-    return found if {"station", "latitude", "longitude"} <= found.keys() else {}
+    return {"station": 0, **found} if {"latitude", "longitude"} <= found.keys() else {}
 
 
 def _station(fields: Sequence[str], columns: dict[str, int]) -> tuple[str, Site]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rsoconsole.base import ExportError
+from rsoconsole.library.formats._observed_csv import instant_utc_ns
 from rsoconsole.library.formats.tdm import tdm_lines_from_xml
-from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
 
 VERSIONS = ("1.0", "2.0")
@@ -310,7 +310,7 @@ class _Parser:
                 if that.year != first.year:
                     raise ValueError(f"{year} has no day {day_of_year}")
                 year, month, day = that.isoformat().split("-")
-            whole_ns = iso_to_utc_ns(f"{year}-{month}-{day}T{clock}Z")
+            whole_ns = instant_utc_ns(f"{year}-{month}-{day}T{clock}Z")
         except ValueError as error:
             raise self.wrong(str(error)) from error
         return whole_ns + round(int((fraction or "0")[:18].ljust(18, "0")) / NS_PER_S)

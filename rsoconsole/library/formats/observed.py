@@ -79,7 +79,7 @@ def read_observations(
     if path.is_dir() or path.name == "session.db" or not path.exists():
         return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, track=track),)
     text = _text(path)
-    read = _rows(text, path)
+    read = parse_observations(text, path)
     if read is None:
         if ask.is_radians:
             raise OrbitError(f"{path} is JSON, whose angles are degrees: write them so")
@@ -101,7 +101,7 @@ def _text(path: Path) -> str:
         return read_text_in_any_encoding(path, most_bytes=MAX_DATA_BYTES)
 
 
-def _rows(text: str, path: Path) -> ReadRows | None:
+def parse_observations(text: str, path: Path) -> ReadRows | None:
     """The file's rows, by what it is; None for the program's own JSON."""
     name = str(path)
     start = text.lstrip()

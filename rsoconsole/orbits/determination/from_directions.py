@@ -11,7 +11,7 @@ and the answer names the prior. Its label is one of these:
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,6 +57,8 @@ _HELPED = 2.0
 _MAX_STARTS = 4
 _NEAR_A_REGIME = 1.4
 """Factor by which the semi-major axes of starts may miss a regime and still belong to it."""
+_WIDER = (3.0, 10.0, 30.0)
+"""Factors on stated errors to try where no orbit fits within them."""
 _ASTRAY = 9.0
 """Mean square residual from which on a start has led nowhere."""
 
@@ -94,6 +96,8 @@ class _Found:
     fit: OrbitFit
     rivals: int
     prior: PriorName
+    error_factor: float = 1.0
+    """Factor by which errors were taken wider than stated, as no orbit fitted otherwise."""
 
     @property
     def state(self) -> State:
@@ -126,10 +130,13 @@ def determine_orbit(
         return None
     asked = _Asked(prior=prior, forces=PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns))
     found = _found(seen, start, asked, tries_seeds=tries_seeds)
+    if found is None and tries_seeds and prior != "none":
+        seen, found = _found_with_wider_errors(seen, asked)
     if found is not None and np.any(seen.time_sigma_s > 0.0):
         # The first fit knows the motion along which errors of time count only roughly.
         seen = seen.with_rates(_rates_arcsec_s(seen, found.state, asked))
-        found = _found(seen, start, asked, tries_seeds=tries_seeds) or found
+        again = _found(seen, start, asked, tries_seeds=tries_seeds)
+        found = found if again is None else replace(again, error_factor=found.error_factor)
     return None if found is None else _labelled(seen, found, asked)
 
 
@@ -142,6 +149,18 @@ def _found(
     if tries_seeds and (found is None or _is_astray(found)):
         found = _from_nothing(seen, asked)
     return found
+
+
+def _found_with_wider_errors(
+    seen: MeasuredDirections, asked: _Asked
+) -> tuple[MeasuredDirections, _Found | None]:
+    """Determine with errors wider than stated: stated too small, they overrule every prior."""
+    for times in _WIDER:
+        wider = seen.with_wider_errors(times)
+        found = _from_nothing(wider, asked)
+        if found is not None and not _is_astray(found):
+            return wider, replace(found, error_factor=times)
+    return seen, None
 
 
 def _rates_arcsec_s(seen: MeasuredDirections, state: State, asked: _Asked) -> FloatArray:
@@ -313,6 +332,10 @@ def _labelled(seen: MeasuredDirections, found: _Found, asked: _Asked) -> Orbit:
     covariance = widened_covariance(best)
     sigma_a = semi_major_axis_sigma_km(found.state, covariance)
     label, reason = orbit_label(seen, best, found.prior, found.rivals)
+    if found.error_factor > 1.0:
+        reason += (
+            f"; errors taken {found.error_factor:.0f} times as wide as stated: nothing else fits"
+        )
     used = best.residuals_arcsec[best.is_used]
     return Orbit(
         label=label,

@@ -120,6 +120,15 @@ class MeasuredDirections:
             cov_sky_arcsec2=self.cov_sky_arcsec2 + more * np.array([1.0, 0.0, 1.0]),
         )
 
+    def with_wider_errors(self, times: float) -> "MeasuredDirections":
+        """Return the directions with all errors wider by a factor."""
+        return replace(
+            self,
+            whitening=self.whitening / times,
+            cov_sky_arcsec2=self.cov_sky_arcsec2 * times**2,
+            time_sigma_s=self.time_sigma_s * times,
+        )
+
     def rates_arcsec_s(self, positions_km: FloatArray, velocities_km_s: FloatArray) -> FloatArray:
         """Rates (N, 2), east and north, of an object at these places with these velocities."""
         away = np.linalg.norm(positions_km - self.sites_km, axis=-1, keepdims=True)
