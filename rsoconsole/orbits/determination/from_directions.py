@@ -96,8 +96,6 @@ class _Found:
     fit: OrbitFit
     rivals: int
     prior: PriorName
-    error_factor: float = 1.0
-    """Factor by which errors were taken wider than stated, as no orbit fitted otherwise."""
 
     @property
     def state(self) -> State:
@@ -130,14 +128,27 @@ def determine_orbit(
         return None
     asked = _Asked(prior=prior, forces=PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns))
     found = _found(seen, start, asked, tries_seeds=tries_seeds)
-    if found is None and tries_seeds and prior != "none":
-        seen, found = _found_with_wider_errors(seen, asked)
     if found is not None and np.any(seen.time_sigma_s > 0.0):
         # The first fit knows the motion along which errors of time count only roughly.
         seen = seen.with_rates(_rates_arcsec_s(seen, found.state, asked))
-        again = _found(seen, start, asked, tries_seeds=tries_seeds)
-        found = found if again is None else replace(again, error_factor=found.error_factor)
+        found = _found(seen, start, asked, tries_seeds=tries_seeds) or found
     return None if found is None else _labelled(seen, found, asked)
+
+
+def determine_orbit_with_wider_errors(
+    seen: MeasuredDirections, prior: PriorName = "auto"
+) -> Orbit | None:
+    """Determine an orbit with errors wider than stated; None where none fits then either.
+
+    For directions that no orbit fits: errors that are stated much too small overrule every prior.
+    The reason of the label says by which factor.
+    """
+    for times in _WIDER:
+        orbit = determine_orbit(seen.with_wider_errors(times), prior=prior)
+        if orbit is not None and not orbit.is_astray:
+            words = f"errors taken {times:.0f} times as wide as stated: nothing fits them"
+            return replace(orbit, reason=f"{orbit.reason}; {words}")
+    return None
 
 
 def _found(
@@ -149,18 +160,6 @@ def _found(
     if tries_seeds and (found is None or _is_astray(found)):
         found = _from_nothing(seen, asked)
     return found
-
-
-def _found_with_wider_errors(
-    seen: MeasuredDirections, asked: _Asked
-) -> tuple[MeasuredDirections, _Found | None]:
-    """Determine with errors wider than stated: stated too small, they overrule every prior."""
-    for times in _WIDER:
-        wider = seen.with_wider_errors(times)
-        found = _from_nothing(wider, asked)
-        if found is not None and not _is_astray(found):
-            return wider, replace(found, error_factor=times)
-    return seen, None
 
 
 def _rates_arcsec_s(seen: MeasuredDirections, state: State, asked: _Asked) -> FloatArray:
@@ -332,10 +331,6 @@ def _labelled(seen: MeasuredDirections, found: _Found, asked: _Asked) -> Orbit:
     covariance = widened_covariance(best)
     sigma_a = semi_major_axis_sigma_km(found.state, covariance)
     label, reason = orbit_label(seen, best, found.prior, found.rivals)
-    if found.error_factor > 1.0:
-        reason += (
-            f"; errors taken {found.error_factor:.0f} times as wide as stated: nothing else fits"
-        )
     used = best.residuals_arcsec[best.is_used]
     return Orbit(
         label=label,

@@ -17,6 +17,7 @@ from rsoconsole.orbits import (
     TrackletOrbit,
     common_error_arcsec,
     determine_orbit,
+    determine_orbit_with_wider_errors,
     fit_mean_elements,
     gooding_orbits,
     is_plausible_orbit,
@@ -161,7 +162,10 @@ def _determined(
 ) -> Orbit | None:
     """Determine an orbit over several arcs, from the longest on: no seed finds it at once."""
     if len(used) == 1 or start is None:
-        return determine_orbit(seen, prior=prior)
+        orbit = determine_orbit(seen, prior=prior)
+        if orbit is None and prior != "none":
+            orbit = determine_orbit_with_wider_errors(seen, prior)
+        return orbit
     state, epoch, grown = start.state, start.seen.epoch_utc_ns, None
     for count in range(2, len(used) + 1):
         grown = joint_orbit(used[:count], state, epoch, start.population)
