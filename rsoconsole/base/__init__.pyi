@@ -25,10 +25,13 @@ from .foreign_text import MAX_DATA_BYTES as MAX_DATA_BYTES
 from .foreign_text import TOO_DEEP as TOO_DEEP
 from .foreign_text import parse_json as parse_json
 from .foreign_text import parse_toml as parse_toml
+from .foreign_text import plain_lines as plain_lines
 from .foreign_text import read_foreign_text as read_foreign_text
 from .foreign_text import read_named_bytes as read_named_bytes
 from .foreign_text import read_named_file as read_named_file
 from .foreign_text import read_private_lines as read_private_lines
+from .foreign_text import read_text_in_any_encoding as read_text_in_any_encoding
+from .foreign_text import text_in_any_encoding as text_in_any_encoding
 from .indi_port import INDI_PORT as INDI_PORT
 from .indi_port import indi_port_option as indi_port_option
 from .resources import model_file_path as model_file_path

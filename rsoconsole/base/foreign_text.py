@@ -4,8 +4,10 @@ Without limits, reading from a pipe may never end, and the readers of JSON and T
 bracket.
 """
 
+import codecs
 import json
 import os
+import re
 import stat
 import tomllib
 from pathlib import Path
@@ -74,6 +76,43 @@ def read_named_bytes(path: Path, fault: type[Exception], absent: str) -> bytes:
         raise fault(f"{path} does not exist: {absent}") from error
     except OSError as error:
         raise fault(f"{path} cannot be read: {error}") from error
+
+
+def read_text_in_any_encoding(path: Path, *, most_bytes: int = MAX_DATA_BYTES) -> str:
+    """Return the text of a regular file, as ``text_in_any_encoding`` reads its bytes.
+
+    Raises OSError, and ValueError for what is no text.
+    """
+    text = text_in_any_encoding(_read_regular_file(path, most_bytes))
+    if "\0" in text:
+        raise ValueError("it is no text")
+    return text
+
+
+def text_in_any_encoding(content: bytes) -> str:
+    """Return a text of UTF-8, UTF-16 or an 8-bit encoding; line ends are newlines.
+
+    Bytes that are no UTF-8 are read as Latin-1, each for itself: one name that is spelt wrong does
+    not garble the others, and figures and ASCII words are as they are.
+    """
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        text = content.decode("utf-16", "replace")
+    elif content[1:4:2] == b"\0\0":
+        text = content.decode("utf-16-le", "replace")
+    elif content[:4:2] == b"\0\0":
+        text = content.decode("utf-16-be", "replace")
+    else:
+        text = content.decode("utf-8", "surrogateescape")
+        text = _NO_UTF_8.sub(lambda found: chr(ord(found[0]) - 0xDC00), text)
+    return plain_lines(text)
+
+
+def plain_lines(text: str) -> str:
+    """Return a text with newlines at its line ends, and without byte order marks."""
+    return text.replace("\ufeff", "").replace("\r\n", "\n").replace("\r", "\n")
+
+
+_NO_UTF_8 = re.compile("[\udc80-\udcff]")
 
 
 def parse_json(text: str | bytes) -> Any:

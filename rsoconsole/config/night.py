@@ -258,7 +258,7 @@ class OrbitConfig(Section):
     """The orbit of the followed object, determined while it is followed."""
 
     online: bool = Field(True, description="refine the orbit after each measurement")
-    prior: Literal["auto", "none", "slot", "geo", "meo"] = Field(
+    prior: Literal["auto", "none", "slot", "geo", "meo", "leo"] = Field(
         "auto", description="what is believed of an orbit beforehand; auto: only what is needed"
     )
     guide: Literal["when better", "never"] = Field(

@@ -84,6 +84,11 @@ class Orbit:
         return self._orbit.outliers
 
     @property
+    def not_used(self) -> tuple[str, ...]:
+        """Lines of the files that gave no direction, each with its place and why."""
+        return self._found.not_used
+
+    @property
     def rivals(self) -> int:
         """Number of other orbits that fit the directions as well as this orbit."""
         return self._orbit.rivals
@@ -334,7 +339,7 @@ def orbit(
     session (``rso.open_session``) or its path; a file (CCSDS TDM, IOD and UK lines, tables, JSON);
     or a list of these, such as several nights of one object.
     ``prior``: what is assumed of the orbit: ``"auto"`` only what is needed, ``"none"``, ``"slot"``
-    (held over the equator), ``"geo"``, ``"meo"`` (nearly circular).
+    (held over the equator), ``"geo"``, ``"meo"``, ``"leo"`` (nearly circular).
     ``method``: ``"gooding"`` for Gooding's orbit through only three of the directions.
     ``track``: number of the only track of a session, as ``night.tracks`` numbers them; None: the
     longest track, and others that the same orbit fits.
@@ -356,8 +361,8 @@ def orbit(
     """
     if method not in ("least squares", "gooding"):
         raise InputError(f"method: {method!r} is neither 'least squares' nor 'gooding'")
-    if prior not in ("auto", "none", "slot", "geo", "meo"):
-        raise InputError(f"prior: {prior!r} is none of auto, none, slot, geo, meo")
+    if prior not in ("auto", "none", "slot", "geo", "meo", "leo"):
+        raise InputError(f"prior: {prior!r} is none of auto, none, slot, geo, meo, leo")
     ask = CallerValues(
         sigma=sigma, site=site, track=track, target=target, radians=radians, config=config
     )

@@ -1,6 +1,9 @@
 from .determination.from_directions import MIN_SIGHTINGS as MIN_SIGHTINGS
 from .determination.from_directions import Orbit as Orbit
 from .determination.from_directions import determine_orbit as determine_orbit
+from .determination.from_directions import (
+    determine_orbit_with_wider_errors as determine_orbit_with_wider_errors,
+)
 from .determination.join import TrackletOrbit as TrackletOrbit
 from .determination.join import common_error_arcsec as common_error_arcsec
 from .determination.join import joint_orbit as joint_orbit

@@ -36,6 +36,7 @@ from .frames import icrs_to_altaz as icrs_to_altaz
 from .frames import icrs_to_jnow as icrs_to_jnow
 from .frames import jnow_to_icrs as jnow_to_icrs
 from .frames import pier_side as pier_side
+from .frames import refraction_deg as refraction_deg
 from .limits.limits import Limits as Limits
 from .limits.limits import Pose as Pose
 from .limits.margins import horizon_altitude_deg as horizon_altitude_deg

@@ -171,7 +171,7 @@ def _table(**columns) -> QTable:
         (3, {}, InputError, "int is no file, session, track or table"),
         ("nowhere.tdm", {}, OrbitError, "does not exist"),
         (ROOT / "tests", {}, SessionError, r"holds no session\.db"),
-        (_table(), {"prior": "leo"}, InputError, "prior: 'leo' is none of auto"),
+        (_table(), {"prior": "heo"}, InputError, "prior: 'heo' is none of auto"),
         (_table(), {"method": "laplace"}, InputError, "neither 'least squares' nor 'gooding'"),
         (_table(), {"sigma": 0}, InputError, "sigma: every one must be above 0"),
         (_table(), {"sigma": 1 * u.km}, InputError, "sigma is in km"),

@@ -332,7 +332,7 @@ def test_a_value_that_no_orbit_has_costs_its_message_alone(
         ("<html><body><h1>Too &lt;many</h1> requests</body></html>", "but: Too <many"),
         ("<?xml version='1.0'?><error>none</error>", "but: a web page"),
         ("x" * 5000, "x" * 199 + "…"),
-        ("", "the answer is empty"),
+        ("", "it is empty"),
         ("[]", "two lines (TLE) or OMM are needed"),
         (b"\x7fELF\x00\x00\x01", "it is no text"),
     ],

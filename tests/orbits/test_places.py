@@ -110,7 +110,7 @@ def moved_by(satellite: Satellite, t_utc_ns: int) -> Orbit:
         sigma_a_km=1.0,
         rms_arcsec=0.0,
         observations=3,
-        outliers=0,
+        outlier_utc_ns=(),
         fit=fit,
         rivals=0,
         forces=BySgp4(satellite, epoch),

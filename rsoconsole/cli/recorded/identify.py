@@ -182,7 +182,7 @@ def _report(
     catalogue = settings.catalogue
     path, *tle = given.paths
     files = tle or session_element_files(path, catalogue.tle_files)
-    tracks, shown = _tracks_of(path, ask, track)
+    tracks, shown, lines_not_used = _tracks_of(path, ask, track)
     sets = read_element_sets(files, given)
     with progress_bar("names"):
         arcs = [longest_arc(each.seen) for each in tracks]
@@ -202,6 +202,7 @@ def _report(
         {**named_track_report(number, *found[number]), "ledger": ledger.matching_entry(number)}
         for number in sorted(found)
     ]
+    report["lines_not_used"] = lines_not_used
     report["kept"] = ledger.add_unexplained_tracks() if is_kept else None
     report["element_errors"] = errors_report(catalogue)
     report["not_used"] = sets.not_used
@@ -210,12 +211,13 @@ def _report(
 
 def _tracks_of(
     path: Path, ask: "ReadOptions", track: int | None
-) -> "tuple[tuple[ObservedTrack, ...], ObservedTrack]":
-    """Tracks that are named together, and the object that is reported in full."""
+) -> "tuple[tuple[ObservedTrack, ...], ObservedTrack, list[str]]":
+    """Tracks that are named together, the object that is reported in full, and lines not used."""
     from rsoconsole.library import read_observations
 
     groups = read_observations(path, ask)
     tracks = max(groups, key=lambda each: len(each[0].seen))
+    not_used = [line for group in groups for each in group for line in each.not_used]
     if len(groups) > 1:
         output.print_to_stderr(
             f"rsoconsole: {len(groups)} stations; by {tracks[0].name}, which has most"
@@ -223,9 +225,11 @@ def _tracks_of(
     if track is not None:
         chosen = [each for each in tracks if each.number == track or each.track_id is None]
         # Asked for one that is not there, it says which there are.
-        return tracks, chosen[0] if chosen else read_observations(path, ask, track=track)[0][0]
+        if not chosen:
+            chosen = list(read_observations(path, ask, track=track)[0])
+        return tracks, chosen[0], not_used
     if len(tracks) > 1:
         output.print_to_stderr(
             f"rsoconsole: {len(tracks)} tracks, named together; the longest in full, see --track"
         )
-    return tracks, tracks[0]
+    return tracks, tracks[0], not_used

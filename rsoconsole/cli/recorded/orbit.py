@@ -16,7 +16,7 @@ from rsoconsole.config import load_config
 if TYPE_CHECKING:
     from rsoconsole.library import ReadOptions
 
-PriorChoice: TypeAlias = Literal["auto", "none", "slot", "geo", "meo"]
+PriorChoice: TypeAlias = Literal["auto", "none", "slot", "geo", "meo", "leo"]
 SigmaOption = Annotated[
     float,
     typer.Option("--sigma", min=0.001, help="Arcsec, of observations in files that state none."),
@@ -99,7 +99,7 @@ def orbit(
     Only angles are used: a short arc hardly constrains the range, and the label
     says so. 'free': the directions alone give the semi-major axis to 100 km.
     'constrained by prior': they do with the assumption of --prior (slot: held over
-    the equator; geo, meo: nearly circular).
+    the equator; geo, meo, leo: nearly circular).
     'weak geometry': an orbit, but unchecked or vague. 'not observable': none.
 
     Several sessions or files are several nights of one object; for each

@@ -99,8 +99,7 @@ def _element_sets(files: InputFiles, norad: Sequence[int]) -> "ElementSets":
 def night_span_asked(config: Config, at: str, hours: float | None, option: str) -> tuple[int, int]:
     """Return first and last instant, UTC ns, of the night or of the hours from ``at`` on.
 
-    ``option``: name of the one that gave ``at``. Raises OrbitError where the night has no dark
-    time.
+    ``option``: the option's name, for errors. Raises OrbitError where the night has no dark time.
     """
     from rsoconsole.sky import iso_to_utc_ns, night_span
 

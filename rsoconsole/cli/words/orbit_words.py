@@ -36,12 +36,14 @@ _ELEMENT_WORDS = (
 _WIDTH = 78
 _HALF_SKY_ARCSEC = 648_000.0
 _NAME_WIDTH = 28
+_NOT_USED_SHOWN = 8
 
 
 def orbit_lines(names: Sequence[str], report: dict[str, Any]) -> list[str]:
     """Return ``rsoconsole orbit``'s report as lines for people; ``names``: the inputs' names."""
     lines = [f"{', '.join(names)}: {report['label']}", *_wrapped(report["reason"])]
     lines.extend(_wrapped(_data_words(report)))
+    lines.extend(not_used_lines(report["lines_not_used"]))
     lines.extend(_part_lines(report["parts"]))
     if report["a_km"] is not None:
         lines += ["", *_element_lines(report)]
@@ -68,6 +70,7 @@ def identification_lines(report: dict[str, Any]) -> list[str]:
     lines = [f"{report['name']}: {report['verdict']}", *_wrapped(report["reason"])]
     if report["hint"]:
         lines.extend(_wrapped(report["hint"]))
+    lines.extend(not_used_lines(report["lines_not_used"]))
     lines += ["", *_match_lines(report["matches"]), ""]
     at = _clock(report["t_utc"], with_date=True)
     gate = f"gate {report['gate_deg']:g} deg"
@@ -76,6 +79,17 @@ def identification_lines(report: dict[str, Any]) -> list[str]:
         lines.append(f"  {report['not_propagated']} of them have no place then by SGP4 (decayed?)")
     lines.append("  off: measured minus predicted; along > 0: ahead, across > 0: north of eastward")
     return lines
+
+
+def not_used_lines(not_used: Sequence[str]) -> list[str]:
+    """Lines on what of a file gave no direction: how much, and the first of it with why."""
+    if not not_used:
+        return []
+    count = "1 line" if len(not_used) == 1 else f"{len(not_used)} lines"
+    more = len(not_used) - _NOT_USED_SHOWN
+    shown = [line for each in not_used[:_NOT_USED_SHOWN] for line in _wrapped(each)]
+    rest = [f"  and {more} more: --json has all"] if more > 0 else []
+    return [f"  not used: {count}", *shown, *rest]
 
 
 def _wrapped(text: str) -> list[str]:
@@ -87,7 +101,9 @@ def _data_words(report: dict[str, Any]) -> str:
     if report["rms_arcsec"] is not None:
         words.append(f"rms {report['rms_arcsec']:.2f}″")
     if report["outliers"]:
-        words.append(f"{report['outliers']} left out as outliers")
+        times = ", ".join(_clock(each, seconds=True) for each in report["outliers_utc"][:3])
+        more = ", ..." if report["outliers"] > 3 else ""
+        words.append(f"{report['outliers']} left out as outliers ({times}{more})")
     if report["prior"] not in (None, "none"):
         words.append(f"prior {report['prior']}")
     words.append(f"by {report['method'].replace('gooding', 'Gooding')}")

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from rsoconsole.base import ExportError, value_errors_as
+from rsoconsole.library.formats._observed_csv import instant_utc_ns
 from rsoconsole.library.formats.target import piece_letters
-from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
 
 _LINE = re.compile(
@@ -88,7 +88,7 @@ def parse_iod_line(line: str) -> IodObservation:
     cospar = None
     if found["norad"] is not None:
         cospar = f"{full_year(found['year'])}-{found['launch']}{found['piece'].strip()}"
-    position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code]
+    position = None if code is None else _mx(found["position_mx"]) * _ARCSEC_BY_CODE[code] or None
     return IodObservation(
         norad_id=None if found["norad"] is None else int(found["norad"]),
         cospar=cospar,
@@ -114,7 +114,7 @@ def _instant(day: str, clock: str) -> tuple[int, int]:
     full = clock.ljust(9, "0")
     text = f"{day[:4]}-{day[4:6]}-{day[6:]}T{full[:2]}:{full[2:4]}:{full[4:6]}.{full[6:]}Z"
     with value_errors_as(ExportError):
-        t_utc_ns = iso_to_utc_ns(text)
+        t_utc_ns = instant_utc_ns(text)
     steps_s = (86_400.0, 36_000.0, 3600.0, 600.0, 60.0, 10.0, 1.0, 0.1, 0.01, 0.001)
     return t_utc_ns, round(steps_s[len(clock)] * NS_PER_S)
 
@@ -233,7 +233,7 @@ def _uk_instant(day: str, clock: str) -> tuple[int, int]:
     year, fraction = full_year(day[:2]), clock[6:]
     text = f"{year}-{day[2:4]}-{day[4:]}T{clock[:2]}:{clock[2:4]}:{clock[4:6]}.{fraction or '0'}Z"
     with value_errors_as(ExportError):
-        return iso_to_utc_ns(text), NS_PER_S // 10 ** len(fraction)
+        return instant_utc_ns(text), NS_PER_S // 10 ** len(fraction)
 
 
 def _time_sigma_s(field: str) -> float | None:

@@ -6,12 +6,10 @@ the spelling of the unit do not matter. Angles are in degrees unless the name sa
 """
 
 import csv
-import io
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from rsoconsole.base import ExportError, parse_json, value_errors_as
 from rsoconsole.records import Site
@@ -41,8 +39,33 @@ class ObservedRow:
     """Site of the station; None where the file does not state it."""
     is_degrees: bool = False
     """True where the column's name or the file's format leaves no doubt about the angles' unit."""
+    is_horizontal: bool = False
+    """True where ``ra_icrs_deg`` is an azimuth and ``dec_icrs_deg`` an elevation, as seen."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadRows:
+    """The directions of a file, and what of it gave none."""
+
+    rows: tuple[ObservedRow, ...]
+    not_used: tuple[str, ...] = ()
+    """Each line that is not used, with its place and why."""
+
+
+_YEARS = (1957, 2200)
+"""Years of observations, from the first satellite on; later than 2262 nanoseconds end."""
+
+
+def instant_utc_ns(text: str) -> int:
+    """Return the instant of an observation. Raises ValueError, also for a year of no satellite."""
+    t_utc_ns = iso_to_utc_ns(text)
+    first, last = _YEARS
+    if not _FIRST_UTC_NS <= t_utc_ns < _LAST_UTC_NS:
+        raise ValueError(f"{text[:30]!r} is no time of a satellite: {first} to {last}")
+    return t_utc_ns
+
+
+_FIRST_UTC_NS, _LAST_UTC_NS = (iso_to_utc_ns(f"{year}-01-01T00:00:00Z") for year in _YEARS)
 _TIME = ("t_mid_utc", "time_utc", "obtime", "utc", "time", "epoch", "date_obs", "datetime", "t")
 _RA = ("ra_icrs_deg", "ra_deg", "ra", "ra_j2000_deg", "right_ascension_deg", "right_ascension")
 _DEC = ("dec_icrs_deg", "dec_deg", "dec", "dec_j2000_deg", "declination_deg", "declination")
@@ -76,22 +99,42 @@ NEEDED = (
 )
 
 
-def read_table(text: str, name: str) -> tuple[ObservedRow, ...]:
+def read_table(text: str, name: str) -> ReadRows:
     """Read the rows of a table; ``name`` is what errors call the file.
 
     In tables of this program, rows that no track took and streaks cut by the frame's edge are left
-    out. Raises ExportError that names the line that cannot be read.
+    out. A line that cannot be read costs itself alone. Raises ExportError where none can be.
     """
     plain = [line for line in text.splitlines() if not line.startswith("#")]
     first = next((line for line in plain if line.strip()), "")
+    faults: list[ExportError] = []
     if first.lstrip().startswith("{"):
-        records = list(_of_json_lines(text, name))
+        records = list(_of_json_lines(text, name, faults))
     else:
-        records = list(_of_csv(text, first, name))
+        records = list(_of_csv(text, first, name, faults))
     if not records:
-        raise ExportError(f"{name} holds no observations: {NEEDED} are needed")
-    columns = _Columns(list(records[0][1]), name)
-    return tuple(columns.row(values, where) for where, values in records if columns.is_used(values))
+        raise (
+            faults[0]
+            if faults
+            else ExportError(f"{name} holds no observations: {NEEDED} are needed")
+        )
+    columns = _Columns(list({key: None for _, values in records for key in values}), name)
+    rows: list[ObservedRow] = []
+    left_out = 0
+    for where, values in records:
+        if not columns.is_used(values):
+            left_out += 1
+            continue
+        try:
+            rows.append(columns.row(values, where))
+        except ExportError as error:
+            faults.append(error)
+    if not rows and faults:
+        raise faults[0]
+    not_used = list(map(str, faults))
+    if left_out:
+        not_used.append(f"{name}: {left_out} rows that no track took or the frame's edge cuts")
+    return ReadRows(rows=tuple(rows), not_used=tuple(not_used))
 
 
 def looks_like_table(text: str) -> bool:
@@ -115,34 +158,52 @@ def _first_names(line: str) -> Sequence[str]:
     return list(values) if isinstance(values, dict) else ()
 
 
-def _of_csv(text: str, head: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
+def _of_csv(
+    text: str, head: str, name: str, faults: list[ExportError]
+) -> Iterator[tuple[str, dict[str, str]]]:
+    """Rows by the names of their columns; each line by itself: a stray quote costs its own line."""
     separator = max(",;\t ", key=head.count) if not head.count(",") else ","
-    kept = [(n, line) for n, line in enumerate(text.splitlines(), 1) if _is_data(line)]
-    lines = io.StringIO("\n".join(line for _, line in kept))
-    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    with value_errors_as(ExportError, f"{name} cannot be read as CSV: ", csv.Error):
-        names = [each.strip() for each in next(reader, [])]
-        for fields in reader:
-            number = kept[min(reader.line_num, len(kept)) - 1][0]
-            where = f"{name}, line {number}"
-            if len(fields) != len(names):
-                raise ExportError(f"{where}: {len(fields)} fields where {len(names)} belong")
-            yield where, dict(zip(names, fields, strict=True))
+    names: list[str] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not _is_data(line):
+            continue
+        where = f"{name}, line {number}"
+        try:
+            (fields,) = csv.reader([line], delimiter=separator, skipinitialspace=True)
+        except (csv.Error, ValueError) as error:
+            faults.append(ExportError(f"{where} cannot be read as CSV: {error}"))
+            continue
+        if not names:
+            names = [each.strip() for each in fields]
+            continue
+        while len(fields) > len(names) and not fields[-1].strip():
+            fields.pop()
+        if len(fields) != len(names):
+            fault = f"{where}: {len(fields)} fields where {len(names)} belong"
+            faults.append(ExportError(fault))
+            continue
+        yield where, dict(zip(names, fields, strict=True))
 
 
 def _is_data(line: str) -> bool:
     return bool(line.strip()) and not line.startswith("#")
 
 
-def _of_json_lines(text: str, name: str) -> Iterator[tuple[str, dict[str, str]]]:
+def _of_json_lines(
+    text: str, name: str, faults: list[ExportError]
+) -> Iterator[tuple[str, dict[str, str]]]:
     for number, line in enumerate(text.splitlines(), start=1):
         if not _is_data(line):
             continue
         where = f"{name}, line {number}"
-        with value_errors_as(ExportError, f"{where}: "):
+        try:
             values = parse_json(line)
+        except ValueError as error:
+            faults.append(ExportError(f"{where}: {error}"))
+            continue
         if not isinstance(values, dict):
-            raise ExportError(f"{where}: an object belongs there")
+            faults.append(ExportError(f"{where}: an object belongs there"))
+            continue
         yield where, {key: "" if v is None else str(v) for key, v in values.items()}
 
 
@@ -185,7 +246,7 @@ class _Columns:
 
         ra, dec, is_degrees = self._direction(number, where)
         with value_errors_as(ExportError, f"{where}: "):
-            t_utc_ns = iso_to_utc_ns((text(_TIME) or "").replace(" ", "T"))
+            t_utc_ns = instant_utc_ns((text(_TIME) or "").replace(" ", "T"))
         latitude, longitude = number(_LATITUDE), number(_LONGITUDE)
         site = None
         if latitude is not None and longitude is not None:
@@ -251,29 +312,3 @@ def ecsv_site(text: str) -> Site | None:
         return None
     values = {key: float(each[1]) for key, each in found.items() if each is not None}
     return Site(**values)
-
-
-def read_station_sites(path: Path, text: str) -> dict[str, Site]:
-    """Read a file of stations: their sites by station number.
-
-    A line is ``2701 ME 43.6876 -79.3924 230 Name``: number, letters, latitude and longitude
-    (degrees, east positive), height in metres, name. Raises ExportError that names the line that
-    cannot be read.
-    """
-    found: dict[str, Site] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not _is_data(line):
-            continue
-        match = re.match(
-            r"(\w{4})\s+(?:[A-Za-z]\S*\s+)?(-?\d+\.\d*)\s+(-?\d+\.\d*)\s+(-?\d+\.?\d*)", line
-        )
-        if match is None:
-            raise ExportError(
-                f"{path}, line {number}: a station is '2701 ME 43.6876 -79.3924 230 Name': number,"
-                " letters, latitude, longitude (east positive), metres"
-            )
-        latitude, longitude, height = (float(match[n]) for n in (2, 3, 4))
-        if abs(latitude) > 90.0 or abs(longitude) > 360.0:
-            raise ExportError(f"{path}, line {number}: no place on Earth has that latitude")
-        found[match[1]] = Site(latitude_deg=latitude, longitude_deg=longitude, elevation_m=height)
-    return found

@@ -6,7 +6,7 @@ Corrections that a message states but has not applied are applied here.
 from collections.abc import Sequence
 
 from rsoconsole.base import ExportError
-from rsoconsole.library.formats._observed_csv import ObservedRow
+from rsoconsole.library.formats._observed_csv import ObservedRow, ReadRows
 from rsoconsole.library.formats._tdm_reader import Tdm, TdmSegment
 from rsoconsole.records import Site
 from rsoconsole.words import NS_PER_S
@@ -16,20 +16,35 @@ _MIDDLE_BY_HALVES = {"START": 1, "MIDDLE": 0, "END": -1}
 _ABERRATIONS = ("CORRECTION_ABERRATION_YEARLY", "CORRECTION_ABERRATION_DIURNAL")
 
 
-def observed_rows_of_tdm(message: Tdm, name: str) -> tuple[ObservedRow, ...]:
+def observed_rows_of_tdm(message: Tdm, name: str) -> ReadRows:
     """Return the RA-Dec directions of a message at mid-exposure, with its corrections applied.
 
-    ``name`` is what errors call the message. Raises ExportError where it has no usable directions.
+    ``name`` is what errors call the message. A segment that cannot be used costs itself alone.
+    Raises ExportError where none has usable directions.
     """
     found: list[ObservedRow] = []
+    not_used = list(message.not_used)
+    faults: list[ExportError] = []
     for number, segment in enumerate(message.segments, start=1):
-        found.extend(_of_segment(segment, f"{name}, segment {number}"))
+        where = f"{name}, segment {number}"
+        if segment.others:
+            lines = (
+                "1 epoch or line" if segment.others == 1 else f"{segment.others} epochs or lines"
+            )
+            not_used.append(f"{where}: {lines} without both angles")
+        try:
+            found.extend(_of_segment(segment, where))
+        except ExportError as error:
+            faults.append(error)
+    if not found and faults:
+        raise faults[0]
+    not_used.extend(map(str, faults))
     if not found:
         raise ExportError(
             f"{name} holds no pairs of angles (ANGLE_TYPE = RADEC): ranges and Doppler say nothing"
             " here"
         )
-    return tuple(found)
+    return ReadRows(rows=tuple(found), not_used=tuple(not_used))
 
 
 def _of_segment(segment: TdmSegment, where: str) -> list[ObservedRow]:

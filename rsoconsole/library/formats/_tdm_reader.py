@@ -1,7 +1,8 @@
 """Reader of Tracking Data Messages: knows every keyword of the standard, returns the angles.
 
-Reads the keyword = value form and XML, versions 1.0 and 2.0, times in UTC. Anything that the
-standard does not allow raises ExportError with the number of the line.
+Reads the keyword = value form and XML, versions 1.0 and 2.0, times in UTC. What the standard does
+not allow in header and metadata raises ExportError with the number of the line; a line of data
+costs itself alone while other lines give angles.
 """
 
 import re
@@ -10,8 +11,8 @@ from dataclasses import dataclass, field
 from datetime import date
 
 from rsoconsole.base import ExportError
+from rsoconsole.library.formats._observed_csv import instant_utc_ns
 from rsoconsole.library.formats.tdm import tdm_lines_from_xml
-from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_S
 
 VERSIONS = ("1.0", "2.0")
@@ -101,12 +102,15 @@ class Tdm:
     header: Mapping[str, str]
     comments: tuple[str, ...]
     segments: tuple[TdmSegment, ...]
+    not_used: tuple[str, ...] = ()
+    """Lines of data that could not be read, each with its number and what is wrong."""
 
 
 def parse_tdm(text: str, name: str = "the message") -> Tdm:
     """Parse a message in keyword = value form or XML; ``name`` is what errors call it.
 
-    Raises ExportError, with the number of the line, for a text that is no such message.
+    Raises ExportError, with the number of the line, for a text that is no such message, and for
+    one whose only angles are on lines that cannot be read.
     """
     text = text.removeprefix("\ufeff")
     is_xml = text.lstrip().startswith("<")
@@ -160,11 +164,22 @@ class _Parser:
     comments: list[str] = field(default_factory=list)
     segments: list[TdmSegment] = field(default_factory=list)
     open: _OpenSegment = field(default_factory=_OpenSegment)
+    faults: list[ExportError] = field(default_factory=list)
+    """Faults of single lines of data."""
 
     def wrong(self, what: str) -> ExportError:
         return ExportError(f"{self.name}, {self.unit} {self.number}: {what}")
 
     def read_line(self, line: str) -> None:
+        if self.section != "data" or line in _SECTION_MARKS:
+            self._read(line)
+            return
+        try:
+            self._read(line)
+        except ExportError as error:
+            self.faults.append(error)
+
+    def _read(self, line: str) -> None:
         if line == "COMMENT" or line.startswith("COMMENT "):
             self._comment(line.removeprefix("COMMENT").strip())
             return
@@ -197,11 +212,14 @@ class _Parser:
                 "meta read": "DATA_START",
             }
             raise self.wrong(f"the message ends before {missing.get(self.section, 'META_START')}")
+        if self.faults and not any(each.angles for each in self.segments):
+            raise self.faults[0]
         return Tdm(
             version=self.version,
             header=self.header,
             comments=tuple(self.comments),
             segments=tuple(self.segments),
+            not_used=tuple(map(str, self.faults)),
         )
 
     def _enter_section(self, line: str, after: str) -> None:
@@ -292,7 +310,7 @@ class _Parser:
                 if that.year != first.year:
                     raise ValueError(f"{year} has no day {day_of_year}")
                 year, month, day = that.isoformat().split("-")
-            whole_ns = iso_to_utc_ns(f"{year}-{month}-{day}T{clock}Z")
+            whole_ns = instant_utc_ns(f"{year}-{month}-{day}T{clock}Z")
         except ValueError as error:
             raise self.wrong(str(error)) from error
         return whole_ns + round(int((fraction or "0")[:18].ljust(18, "0")) / NS_PER_S)

@@ -18,7 +18,7 @@ from rsoconsole.base import (
     ExportError,
     OrbitError,
     parse_json,
-    read_foreign_text,
+    read_text_in_any_encoding,
     value_errors_as,
 )
 from rsoconsole.library.formats._iod_reader import (
@@ -30,24 +30,25 @@ from rsoconsole.library.formats._iod_reader import (
 )
 from rsoconsole.library.formats._observed_csv import (
     ObservedRow,
+    ReadRows,
     ecsv_site,
     looks_like_table,
-    read_station_sites,
     read_table,
 )
 from rsoconsole.library.formats._observed_tdm import observed_rows_of_tdm
+from rsoconsole.library.formats._stations import Stations, read_stations
 from rsoconsole.library.formats._tdm_reader import parse_tdm
 from rsoconsole.orbits import reduce_directions
 from rsoconsole.pipeline import ObservedTrack, read_observed_tracks
 from rsoconsole.records import FloatArray, Site
-from rsoconsole.sky import equinox_to_icrs, wrap_180
+from rsoconsole.sky import IntArray, altaz_to_icrs, equinox_to_icrs, refraction_deg
 from rsoconsole.words import NS_PER_S, direction_fault
 
 _LISTED = 8
 _SITE_LINE = re.compile(r"# (\w{4}) (-?\d+\.\d+) (-?\d+\.\d+) (-?\d+) m \(WGS84, east positive\)")
 """Comment line with a station's place, as ``iod`` writes it."""
-NEAR_S = 600.0
-"""Largest time to a neighbouring direction from which the rate of motion is computed, s."""
+_MAX_TIME_SIGMA_S = 3600.0
+_MIN_ELEVATION_DEG = -1.0
 SITE_USAGE = "--site LATITUDE,LONGITUDE,METRES (east positive), or --stations FILE"
 
 
@@ -78,25 +79,29 @@ def read_observations(
     if path.is_dir() or path.name == "session.db" or not path.exists():
         return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, track=track),)
     text = _text(path)
-    rows = _rows(text, path)
-    if rows is None:
+    read = parse_observations(text, path)
+    if read is None:
         if ask.is_radians:
             raise OrbitError(f"{path} is JSON, whose angles are degrees: write them so")
         return (read_observed_tracks(path, sigma_arcsec=ask.sigma_arcsec, site=ask.site),)
-    rows = _in_degrees(rows, path, ask)
-    rows = _of_one(rows, path, ask.target)
-    stations: dict[tuple[str | None, Site | None], list[ObservedRow]] = {}
+    read = _sound(_in_degrees(read, path, ask))
+    rows = _of_one(read.rows, path, ask.target)
+    known = None if ask.stations is None else read_stations(ask.stations, _text(ask.stations))
+    by_station: dict[tuple[str | None, Site | None], list[ObservedRow]] = {}
     for each in rows:
-        stations.setdefault((each.station, each.site), []).append(each)
-    return tuple(_of_station(path, name, own, ask) for (name, _), own in stations.items())
+        by_station.setdefault((each.station, each.site), []).append(each)
+    found = [_of_station(path, name, own, (ask, known)) for (name, _), own in by_station.items()]
+    not_used = (*read.not_used, *(known.not_used if known is not None else ()))
+    found[0] = replace(found[0], not_used=not_used)
+    return tuple((each,) for each in found)
 
 
 def _text(path: Path) -> str:
-    with value_errors_as(OrbitError, f"{path} cannot be read: ", (OSError, UnicodeDecodeError)):
-        return read_foreign_text(path, most_bytes=MAX_DATA_BYTES).removeprefix("\ufeff")
+    with value_errors_as(OrbitError, f"{path} cannot be read: ", (OSError, ValueError)):
+        return read_text_in_any_encoding(path, most_bytes=MAX_DATA_BYTES)
 
 
-def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
+def parse_observations(text: str, path: Path) -> ReadRows | None:
     """The file's rows, by what it is; None for the program's own JSON."""
     name = str(path)
     start = text.lstrip()
@@ -106,21 +111,28 @@ def _rows(text: str, path: Path) -> tuple[ObservedRow, ...] | None:
         return _of_udl(start, name)
     if looks_like_table(text):
         site = ecsv_site(text) if "%ECSV" in text[:200] else None
-        return tuple(
-            each if each.site is not None else replace(each, site=site)
-            for each in read_table(text, name)
-        )
+        read = read_table(text, name)
+        placed = (each if each.site is not None else replace(each, site=site) for each in read.rows)
+        return replace(read, rows=tuple(placed))
     if start.startswith(("{", "[")):
         return None
     return _of_lines(text, name)
 
 
-def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
+_QUOTED = re.compile(r"^(?:> ?)+")
+"""Marks of a quoted mail."""
+_RDE_LINE = re.compile(r"\d{7} \d{6}(?:\.\d+)? \d{6,8}[+-]\d{4,7} ", re.ASCII)
+_READ = "TDM, IOD or UK lines, CSV with named columns, and JSON are read"
+_RDE = "RDE reports are not read: give IOD or UK lines, TDM or CSV"
+
+
+def _of_lines(text: str, name: str) -> ReadRows:
     """Rows of IOD and UK lines, also among the other text of a mail."""
     found: list[tuple[IodObservation, str, Site | None]] = []
-    fault: str | None = None
+    faults: list[str] = []
     places: dict[str, Site] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = _QUOTED.sub("", raw).expandtabs()
         if (line_found := _SITE_LINE.match(line)) is not None:
             latitude, longitude, height = (float(line_found[n]) for n in (2, 3, 4))
             places[line_found[1]] = Site(
@@ -130,35 +142,34 @@ def _of_lines(text: str, name: str) -> tuple[ObservedRow, ...]:
             continue
         where = f"{name}, line {number}"
         try:
+            if _RDE_LINE.match(line):
+                raise ExportError(_RDE)
             each = parse_uk_line(line) if is_uk_line(line) else parse_iod_line(line)
+            if each.first_deg is None:
+                raise ExportError("it states no direction")
         except ExportError as error:
-            fault = fault or f"{where}: {error}"
+            faults.append(f"{where}: {error}")
             continue
-        if each.angle_format in HORIZONTAL:
-            horizontal = "only right ascension and declination are read"
-            fault = fault or f"{where}: azimuth and elevation: {horizontal}"
-        elif each.first_deg is not None:
-            found.append((each, where, places.get(each.station)))
+        found.append((each, where, places.get(each.station)))
     if not found:
-        raise ExportError(
-            fault
-            or f"{name} holds no observations: TDM, IOD or UK lines, CSV with named columns, and"
-            " JSON are read"
-        )
-    ra, dec = _directions([each for each, _, _ in found])
-    return tuple(
-        _of_line(each, where, site, (float(ra[n]), float(dec[n])))
+        reports = [each for each in faults if each.endswith(_RDE)]
+        raise ExportError((reports or faults or [f"{name} holds no observations: {_READ}"])[0])
+    first, second = _directions([each for each, _, _ in found])
+    rows = tuple(
+        _of_line(each, where, site, (float(first[n]), float(second[n])))
         for n, (each, where, site) in enumerate(found)
     )
+    return ReadRows(rows=rows, not_used=tuple(faults))
 
 
 def _directions(lines: Sequence[IodObservation]) -> tuple[FloatArray, FloatArray]:
-    """ICRS directions, (N,) degrees each, of lines on charts of any equinox."""
+    """Both angles (N,), degrees: ICRS of lines on charts of any equinox; azimuth and elevation."""
     ra = np.array([each.first_deg for each in lines], np.float64)
     dec = np.array([each.second_deg for each in lines], np.float64)
     t_utc_ns = np.array([each.t_utc_ns for each in lines], np.int64)
+    is_equatorial = np.array([each.angle_format not in HORIZONTAL for each in lines])
     for year in {each.epoch_year for each in lines}:
-        of_it = np.array([each.epoch_year == year for each in lines])
+        of_it = np.array([each.epoch_year == year for each in lines]) & is_equatorial
         ra[of_it], dec[of_it] = equinox_to_icrs(ra[of_it], dec[of_it], year, t_utc_ns[of_it])
     return ra, dec
 
@@ -181,17 +192,29 @@ def _of_line(
         station=each.station,
         site=site,
         is_degrees=True,
+        is_horizontal=each.angle_format in HORIZONTAL,
     )
 
 
-def _of_udl(text: str, name: str) -> tuple[ObservedRow, ...]:
+def _of_udl(text: str, name: str) -> ReadRows:
     """Rows of EOObservation records, by the names of their fields."""
     import json
 
     with value_errors_as(ExportError, f"{name} is not JSON: "):
         records = parse_json(text)
-    lines = [json.dumps(_plain_record(each, name, n)) for n, each in enumerate(records, 1)]
-    return read_table("\n".join(lines), name)
+    if not isinstance(records, list):
+        raise ExportError(f"{name}: a list of records belongs there")
+    lines: list[str] = []
+    faults: list[str] = []
+    for number, each in enumerate(records, start=1):
+        try:
+            lines.append(json.dumps(_plain_record(each, name, number)))
+        except ExportError as error:
+            faults.append(str(error))
+    if not lines and faults:
+        raise ExportError(faults[0])
+    read = read_table("\n".join(lines), name)
+    return replace(read, not_used=(*faults, *read.not_used))
 
 
 def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
@@ -221,9 +244,8 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
     return row
 
 
-def _in_degrees(
-    rows: tuple[ObservedRow, ...], path: Path, ask: ReadOptions
-) -> tuple[ObservedRow, ...]:
+def _in_degrees(read: ReadRows, path: Path, ask: ReadOptions) -> ReadRows:
+    rows = read.rows
     if ask.is_radians and any(each.is_degrees for each in rows):
         raise OrbitError(
             f"{path} says its unit itself, by its form or its columns' names: leave --radians out"
@@ -237,12 +259,9 @@ def _in_degrees(
             )
             for each in rows
         )
-    for each in rows:
-        if fault := direction_fault(each.ra_icrs_deg, each.dec_icrs_deg):
-            raise ExportError(f"{each.where}: {fault}")
     if ask.is_radians is None and not all(each.is_degrees for each in rows):
         is_small = all(
-            each.ra_icrs_deg <= 2.0 * math.pi and abs(each.dec_icrs_deg) <= 0.5 * math.pi
+            abs(each.ra_icrs_deg) <= 2.0 * math.pi and abs(each.dec_icrs_deg) <= 0.5 * math.pi
             for each in rows
         )
         if len(rows) > 1 and is_small:
@@ -250,7 +269,36 @@ def _in_degrees(
                 f"{path}: every RA is below 6.284 and every Dec within 1.571, as radians are: say"
                 " --radians or --degrees"
             )
-    return tuple(replace(each, ra_icrs_deg=each.ra_icrs_deg % 360.0) for each in rows)
+    return replace(read, rows=rows)
+
+
+def _sound(read: ReadRows) -> ReadRows:
+    """The rows that are directions with errors. Raises ExportError where none is."""
+    sound: list[ObservedRow] = []
+    faults: list[str] = []
+    for each in read.rows:
+        fault = _fault(each)
+        if fault:
+            faults.append(f"{each.where}: {fault}")
+        else:
+            sound.append(replace(each, ra_icrs_deg=each.ra_icrs_deg % 360.0))
+    if faults and not sound:
+        raise ExportError(faults[0])
+    return replace(read, rows=tuple(sound), not_used=(*read.not_used, *faults))
+
+
+def _fault(row: ObservedRow) -> str:
+    """What keeps a row from use; empty where nothing does."""
+    if fault := direction_fault(row.ra_icrs_deg, row.dec_icrs_deg):
+        return fault
+    sigmas = (row.sigma_ra_arcsec, row.sigma_dec_arcsec)
+    if any(each is not None and not each > 0.0 for each in sigmas) or abs(row.correlation) >= 1.0:
+        return "a sigma must be above 0, a correlation within 1"
+    if row.time_sigma_s is not None and not 0.0 <= row.time_sigma_s <= _MAX_TIME_SIGMA_S:
+        return f"an error of time is from 0 to {_MAX_TIME_SIGMA_S:.0f} s"
+    if row.is_horizontal and row.dec_icrs_deg < _MIN_ELEVATION_DEG:
+        return f"an elevation of {row.dec_icrs_deg:.1f} deg is below the horizon"
+    return ""
 
 
 def _of_one(
@@ -277,27 +325,55 @@ def _listed(counted: "Counter[str | None]") -> str:
 
 
 def _of_station(
-    path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadOptions
-) -> tuple[ObservedTrack, ...]:
-    site = _site(path, station, rows, ask)
+    path: Path,
+    station: str | None,
+    rows: Sequence[ObservedRow],
+    known: tuple[ReadOptions, Stations | None],
+) -> ObservedTrack:
+    """``known``: options of reading, and the list of stations."""
+    ask, stations = known
+    site = _site(path, (station, rows[0].site), ask, stations)
     t = np.array([each.t_utc_ns for each in rows], np.int64)
     ra = np.array([each.ra_icrs_deg for each in rows])
     dec = np.array([each.dec_icrs_deg for each in rows])
+    seen_high = np.array([each.is_horizontal for each in rows])
+    if np.any(seen_high):
+        ra[seen_high], dec[seen_high] = _of_horizon(
+            site, ra[seen_high], dec[seen_high], t[seen_high]
+        )
     cov = np.array([_covariance(each, ask.sigma_arcsec) for each in rows])
-    cov += _of_times(rows, t, ra, dec)
+    late_s = np.array([each.time_sigma_s or 0.0 for each in rows])
     name = path.name if station is None else f"{path.name}, station {station}"
     with value_errors_as(OrbitError, f"{path}: "):
-        seen = reduce_directions(site, t, ra, dec, cov)
-    return (ObservedTrack(name=name, site=site, limits=None, seen=seen),)
+        seen = reduce_directions(site, t, ra, dec, cov, time_sigma_s=late_s)
+    return ObservedTrack(name=name, site=site, limits=None, seen=seen)
 
 
-def _site(path: Path, station: str | None, rows: Sequence[ObservedRow], ask: ReadOptions) -> Site:
-    if rows[0].site is not None:
-        return rows[0].site
-    if ask.stations is not None and station is not None:
-        places = read_station_sites(ask.stations, _text(ask.stations))
-        if station in places:
-            return places[station]
+def _of_horizon(
+    site: Site, azimuth_deg: FloatArray, elevation_deg: FloatArray, t_utc_ns: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """ICRS directions, (N,) degrees each, of azimuths and elevations as seen: refraction is removed
+    as of air at 10 C.
+    """
+    altitude_deg = elevation_deg
+    for _ in range(4):
+        altitude_deg = elevation_deg - refraction_deg(altitude_deg)
+    return altaz_to_icrs(site, altitude_deg, azimuth_deg, t_utc_ns)
+
+
+def _site(
+    path: Path, seer: tuple[str | None, Site | None], ask: ReadOptions, stations: Stations | None
+) -> Site:
+    """``seer``: the station's number, and its site where the file itself states one."""
+    station, site = seer
+    if site is not None:
+        return site
+    if stations is not None and station is not None:
+        listed = stations.site(station)
+        if listed is not None:
+            return listed
+        if stations.not_used and not stations.sites:
+            raise ExportError(stations.not_used[0])
     if ask.site is not None:
         return ask.site
     who = "its station" if station is None else f"station {station}"
@@ -307,34 +383,4 @@ def _site(path: Path, station: str | None, rows: Sequence[ObservedRow], ask: Rea
 def _covariance(row: ObservedRow, sigma_arcsec: float) -> tuple[float, float, float]:
     east = sigma_arcsec if row.sigma_ra_arcsec is None else row.sigma_ra_arcsec
     north = east if row.sigma_dec_arcsec is None else row.sigma_dec_arcsec
-    if east <= 0.0 or north <= 0.0 or abs(row.correlation) >= 1.0:
-        raise ExportError(f"{row.where}: a sigma must be above 0, a correlation within 1")
     return east**2, row.correlation * east * north, north**2
-
-
-def _of_times(
-    rows: Sequence[ObservedRow],
-    t: np.ndarray[tuple[int], np.dtype[np.int64]],
-    ra: FloatArray,
-    dec: FloatArray,
-) -> FloatArray:
-    """Covariance (N, 3) of errors of time along the motion, by neighbours within ten minutes."""
-    added = np.zeros((len(rows), 3))
-    order = np.argsort(t, kind="stable")
-    for place, n in enumerate(order):
-        sigma_s = rows[n].time_sigma_s
-        near = [
-            m
-            for m in order[max(place - 1, 0) : place + 2]
-            if 0 < abs(int(t[m] - t[n])) <= NEAR_S * NS_PER_S
-        ]
-        if not sigma_s or not near:
-            continue
-        rates = []
-        for m in near:
-            dt_s = (int(t[m]) - int(t[n])) / NS_PER_S
-            east = float(wrap_180(ra[m] - ra[n])) * math.cos(math.radians(dec[n])) * 3600.0 / dt_s
-            rates.append((east, (dec[m] - dec[n]) * 3600.0 / dt_s))
-        east, north = (sigma_s * float(np.mean(each)) for each in zip(*rates, strict=True))
-        added[n] = (east * east, east * north, north * north)
-    return added

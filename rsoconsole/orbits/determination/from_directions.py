@@ -11,7 +11,7 @@ and the answer names the prior. Its label is one of these:
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,13 +39,17 @@ from rsoconsole.orbits.first.directions import (
     is_plausible_orbit,
     starting_states,
 )
-from rsoconsole.orbits.motion.forces import PerturbedPropagator, Propagator
+from rsoconsole.orbits.motion.forces import J2, PerturbedPropagator, Propagator
 from rsoconsole.orbits.motion.prediction import KnownOrbit
-from rsoconsole.orbits.motion.two_body import axis_and_inclination
+from rsoconsole.orbits.motion.two_body import MU_EARTH_KM3_S2, axis_and_inclination, propagate
+from rsoconsole.records import FloatArray
+from rsoconsole.sky import ARCSEC_RAD, EARTH_RADIUS_KM
 
 MIN_SIGHTINGS = 3
 POINT_MASS_S = 900.0
 """Longest arc fitted by two-body motion; its error is 0.02 arcsec at a geostationary satellite."""
+_POINT_MASS_ARCSEC = 0.1
+"""Error of two-body motion, as of low orbits, from which on a short arc is fitted with forces."""
 _RIVAL = 9.0
 """Difference of two sums of squares below which both orbits fit alike."""
 _HELPED = 2.0
@@ -53,6 +57,8 @@ _HELPED = 2.0
 _MAX_STARTS = 4
 _NEAR_A_REGIME = 1.4
 """Factor by which the semi-major axes of starts may miss a regime and still belong to it."""
+_WIDER = (3.0, 10.0, 30.0)
+"""Factors on stated errors to try where no orbit fits within them."""
 _ASTRAY = 9.0
 """Mean square residual from which on a start has led nowhere."""
 
@@ -69,12 +75,18 @@ class Orbit(KnownOrbit):
     rms_arcsec: float
     """RMS residual of the used directions, per axis, arcsec."""
     observations: int
-    outliers: int
+    outlier_utc_ns: tuple[int, ...]
+    """Times of the directions that the fit leaves out."""
     fit: OrbitFit
     rivals: int
     """Number of other, distinct orbits that fit as well."""
     is_astray: bool = False
     """True where the orbit misses its directions by far: no start led to one through them."""
+
+    @property
+    def outliers(self) -> int:
+        """Number of directions that the fit leaves out."""
+        return len(self.outlier_utc_ns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,12 +127,50 @@ def determine_orbit(
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return None
     asked = _Asked(prior=prior, forces=PerturbedPropagator(epoch_utc_ns=seen.epoch_utc_ns))
+    found = _found(seen, start, asked, tries_seeds=tries_seeds)
+    if found is not None and np.any(seen.time_sigma_s > 0.0):
+        # The first fit knows the motion along which errors of time count only roughly.
+        seen = seen.with_rates(_rates_arcsec_s(seen, found.state, asked))
+        found = _found(seen, start, asked, tries_seeds=tries_seeds) or found
+    return None if found is None else _labelled(seen, found, asked)
+
+
+def determine_orbit_with_wider_errors(
+    seen: MeasuredDirections, prior: PriorName = "auto"
+) -> Orbit | None:
+    """Determine an orbit with errors wider than stated; None where none fits then either.
+
+    For directions that no orbit fits: errors that are stated much too small overrule every prior.
+    The reason of the label says by which factor.
+    """
+    for times in _WIDER:
+        orbit = determine_orbit(seen.with_wider_errors(times), prior=prior)
+        if orbit is not None and not orbit.is_astray:
+            words = f"errors taken {times:.0f} times as wide as stated: nothing fits them"
+            return replace(orbit, reason=f"{orbit.reason}; {words}")
+    return None
+
+
+def _found(
+    seen: MeasuredDirections, start: State | None, asked: _Asked, *, tries_seeds: bool
+) -> _Found | None:
     found = None
     if start is not None:
         found = _settled(seen, (start,), asked)
     if tries_seeds and (found is None or _is_astray(found)):
         found = _from_nothing(seen, asked)
-    return None if found is None else _labelled(seen, found, asked)
+    return found
+
+
+def _rates_arcsec_s(seen: MeasuredDirections, state: State, asked: _Asked) -> FloatArray:
+    """Rates (N, 2) east and north of an orbit as seen, arcsec/s."""
+    if _is_short(seen):
+        return seen.rates_arcsec_s(*propagate(*state, seen.t_s))
+    return seen.rates_arcsec_s(*asked.forces.states(*state, seen.t_s))
+
+
+def _is_short(seen: MeasuredDirections) -> bool:
+    return bool(seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S)
 
 
 def _from_nothing(seen: MeasuredDirections, asked: _Asked) -> _Found | None:
@@ -191,17 +241,25 @@ def _settled(seen: MeasuredDirections, starts: tuple[State, ...], asked: _Asked)
     is_refining = len(starts) == 1
     if asked.prior == "none" or (is_refining and _needs_no_prior(seen, starts[0])):
         return _best(seen, starts, "none", asked)
+    against: list[_Found] = []
     for name in AUTOMATIC:
         if not _is_near(REGIMES[name], starts):
             continue
         constrained = _best(seen, starts, name, asked)
-        if constrained is None or not is_consistent_with_regime(constrained.fit, REGIMES[name]):
+        if constrained is None:
+            continue
+        if not is_consistent_with_regime(constrained.fit, REGIMES[name]):
+            against.append(constrained)
             continue
         # Of an orbit that is refined that was asked where it began.
         if is_refining or not _needs_no_prior(seen, constrained.state):
             return constrained
         return _best(seen, (constrained.state, *starts), "none", asked) or constrained
-    return _best(seen, starts, "none", asked)
+    free = _best(seen, starts, "none", asked)
+    if free is None and against:
+        # Nothing else fits: an orbit against its prior, and labelled so.
+        return min(against, key=lambda each: each.fit.cost)
+    return free
 
 
 def _belief(name: PriorName) -> Prior:
@@ -233,19 +291,39 @@ def _best(
     seen: MeasuredDirections, starts: Iterable[State], name: PriorName, asked: _Asked
 ) -> _Found | None:
     """The cheapest fit from any start, and how many others are as good."""
-    motion = None if seen.t_s[-1] - seen.t_s[0] <= POINT_MASS_S else asked.forces
+    motion = None if _is_short(seen) else asked.forces
     fits = [fit_orbit(seen, each, prior=_belief(name), motion=motion) for each in starts]
-    sound = [
-        each for each in fits if each.is_converged and is_plausible_orbit(each.r_km, each.v_km_s)
-    ]
-    if not sound:
+    distinct = _distinct(fits)
+    if distinct and motion is None and _bulge_arcsec(seen, distinct[0]) > _POINT_MASS_ARCSEC:
+        states = [(each.r_km, each.v_km_s) for each in distinct]
+        again = [fit_orbit(seen, each, prior=_belief(name), motion=asked.forces) for each in states]
+        distinct = _distinct(again) or distinct
+    if not distinct:
         return None
-    best = min(sound, key=lambda each: each.cost)
-    rivals: list[OrbitFit] = []
-    for each in sorted(sound, key=lambda each: each.cost):
-        if each.cost < best.cost + _RIVAL and _is_apart(each, (best, *rivals)):
-            rivals.append(each)
-    return _Found(fit=best, rivals=len(rivals), prior=name)
+    return _Found(fit=distinct[0], rivals=len(distinct) - 1, prior=name)
+
+
+def _distinct(fits: Iterable[OrbitFit]) -> list[OrbitFit]:
+    """The cheapest of the sound fits, and the others that are as good and apart from it."""
+    sound = sorted(
+        (each for each in fits if each.is_converged and is_plausible_orbit(each.r_km, each.v_km_s)),
+        key=lambda each: each.cost,
+    )
+    found: list[OrbitFit] = []
+    for each in sound:
+        if each.cost < sound[0].cost + _RIVAL and _is_apart(each, found):
+            found.append(each)
+    return found
+
+
+def _bulge_arcsec(seen: MeasuredDirections, found: OrbitFit) -> float:
+    """Order of magnitude of what J2 does to an arc as seen, arcsec."""
+    radius_km = float(np.linalg.norm(found.r_km))
+    nearest = int(np.argmin(np.abs(seen.t_s)))
+    range_km = float(np.linalg.norm(found.r_km - seen.sites_km[nearest]))
+    pull = 1.5 * J2 * MU_EARTH_KM3_S2 * EARTH_RADIUS_KM**2 / radius_km**4
+    half_s = (seen.t_s[-1] - seen.t_s[0]) / 2.0
+    return float(pull * half_s**2 / 2.0 / range_km / ARCSEC_RAD)
 
 
 def _labelled(seen: MeasuredDirections, found: _Found, asked: _Asked) -> Orbit:
@@ -265,7 +343,7 @@ def _labelled(seen: MeasuredDirections, found: _Found, asked: _Asked) -> Orbit:
         sigma_a_km=sigma_a,
         rms_arcsec=float(np.sqrt(np.mean(used**2))),
         observations=len(seen),
-        outliers=len(seen) - int(np.sum(best.is_used)),
+        outlier_utc_ns=tuple(map(int, seen.t_utc_ns[~best.is_used])),
         fit=best,
         rivals=found.rivals,
         is_astray=_is_astray(found),

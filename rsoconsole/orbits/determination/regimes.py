@@ -9,6 +9,9 @@ Figures of the catalogue of 2023-06-22, at noon of that day:
 - Of all 1,632 objects near that axis three quarters had an eccentricity below 2.1e-3, but one in
   eight had more than 6e-3. For the latter the prior ``geo`` is wrong, which only a longer arc
   shows.
+- Of 22 low objects in a sample of 112 of all kinds (perigee above 150 km, axis below 8,478 km) 20
+  had an eccentricity below 0.019, half of them below 5e-4; the two others had 0.066 and 0.17. The
+  prior ``leo`` is as wide as that of ``meo``; of an object with more than 0.05 it is wrong.
 """
 
 from collections.abc import Mapping
@@ -28,8 +31,8 @@ from rsoconsole.orbits.motion.two_body import (
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import IntArray
 
-PriorName = Literal["auto", "none", "slot", "geo", "meo"]
-AUTOMATIC: tuple[PriorName, ...] = ("slot", "geo", "meo")
+PriorName = Literal["auto", "none", "slot", "geo", "meo", "leo"]
+AUTOMATIC: tuple[PriorName, ...] = ("slot", "geo", "meo", "leo")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +77,12 @@ REGIMES: Mapping[str, Regime] = {
         prior=Prior(sigma_e=2e-2),
         lowest_a_km=18_000.0,
         highest_a_km=34_000.0,
+    ),
+    "leo": Regime(
+        words="eccentricity about 0.02",
+        prior=Prior(sigma_e=2e-2),
+        lowest_a_km=6_528.0,
+        highest_a_km=8_478.0,
     ),
 }
 

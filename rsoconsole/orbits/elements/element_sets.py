@@ -13,7 +13,14 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from rsoconsole.base import MAX_DATA_BYTES, TOO_DEEP, OrbitError, parse_json
+from rsoconsole.base import (
+    MAX_DATA_BYTES,
+    TOO_DEEP,
+    OrbitError,
+    parse_json,
+    plain_lines,
+    text_in_any_encoding,
+)
 from rsoconsole.orbits.elements import omm_reader
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, entry_of_lines, failure_words
 from rsoconsole.orbits.elements.elements import ElementSet, UnusedSet, two_line_sets
@@ -60,7 +67,7 @@ def parse_element_sets(content: bytes | str, source: str = "catalogue") -> Eleme
     no set can be used: with the reasons, or with what it says in their place.
     """
     try:
-        text = element_text(content) if isinstance(content, bytes) else _plain_lines(content)
+        text = element_text(content) if isinstance(content, bytes) else plain_lines(content)
         entries: list[CatalogueEntry] = []
         not_used: list[UnusedSet] = []
         for each in _sets(text):
@@ -140,14 +147,13 @@ def _expect_fewer(sets: int) -> None:
 # ---- from bytes to text --------------------------------------------------------------------
 
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 def element_text(content: bytes) -> str:
-    """Return the text of elements, from gzip or a zip of one file too; line ends are newlines.
+    """Return the text of elements, in any encoding, from gzip or a zip of one file too.
 
-    UTF-8, UTF-16 with its mark, and bytes of Latin-1 are read. Raises OrbitError for what is no
-    text, and for what unpacks to more than ``MAX_DATA_BYTES``.
+    Line ends are newlines. Raises OrbitError for what cannot be unpacked, and for what unpacks to
+    more than ``MAX_DATA_BYTES``.
     """
     if content.startswith(_GZIP):
         content = _gunzipped(content)
@@ -155,19 +161,7 @@ def element_text(content: bytes) -> str:
         content = _of_archive(content)
     if len(content) > MAX_DATA_BYTES:
         raise OrbitError(f"unpacked it is larger than {MAX_DATA_BYTES >> 20} MB")
-    if content.startswith(_UTF_16):
-        return _plain_lines(content.decode("utf-16", "replace"))
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError:
-        # Bytes that are no UTF-8 are Latin-1, each for itself: one name does not garble the others.
-        text = content.decode("utf-8", "surrogateescape")
-        text = re.sub("[\udc80-\udcff]", lambda found: chr(ord(found[0]) - 0xDC00), text)
-    return _plain_lines(text)
-
-
-def _plain_lines(text: str) -> str:
-    return text.replace("\ufeff", "").replace("\r\n", "\n").replace("\r", "\n")
+    return text_in_any_encoding(content)
 
 
 def gunzipped(content: bytes, max_bytes: int) -> bytes:
@@ -218,7 +212,7 @@ def remark_of(text: str) -> str:
     """
     start = text.strip()
     if not start or "\x00" in start:
-        return "it is no text" if start else "the answer is empty"
+        return "it is no text" if start else "it is empty"
     if start.startswith("<") or "<html" in start[:400].lower():
         words = next((each[2] for each in _PAGE_WORDS.finditer(start[:100_000])), "")
         plain = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", words)).split())

@@ -42,6 +42,11 @@ class MeasuredDirections:
     dec_icrs_deg: FloatArray
     whitening: FloatArray
     """Whitening matrices (N, 2, 2) of residuals (d alpha cos delta, d delta) in arcsec."""
+    cov_sky_arcsec2: FloatArray
+    """Covariances (N, 3) of the directions without ``time_sigma_s``: east-east, east-north,
+    north-north."""
+    time_sigma_s: FloatArray
+    """One sigma (N,) of each time, seconds, independent of the others; 0: in the covariance."""
     sites_km: FloatArray
     """Positions (N, 3) of the sites, GCRS."""
     sites_km_s: FloatArray
@@ -96,6 +101,41 @@ class MeasuredDirections:
         }
         return replace(self, **arrays)
 
+    def with_rates(self, rates_arcsec_s: FloatArray) -> "MeasuredDirections":
+        """Return the directions with their errors of time along a motion (N, 2), east and north.
+
+        arcsec/s, of the object as seen.
+        """
+        late = self.time_sigma_s[:, None] * rates_arcsec_s
+        along = np.stack([late[:, 0] ** 2, late[:, 0] * late[:, 1], late[:, 1] ** 2], axis=-1)
+        return replace(self, whitening=_whitening(self.cov_sky_arcsec2 + along))
+
+    def with_added_error(self, sigma_arcsec: float) -> "MeasuredDirections":
+        """Return the directions with an added error on each axis."""
+        more = sigma_arcsec**2
+        total = np.linalg.inv(np.swapaxes(self.whitening, -1, -2) @ self.whitening)
+        return replace(
+            self,
+            whitening=np.linalg.inv(np.linalg.cholesky(total + more * np.eye(2))),
+            cov_sky_arcsec2=self.cov_sky_arcsec2 + more * np.array([1.0, 0.0, 1.0]),
+        )
+
+    def with_wider_errors(self, times: float) -> "MeasuredDirections":
+        """Return the directions with all errors wider by a factor."""
+        return replace(
+            self,
+            whitening=self.whitening / times,
+            cov_sky_arcsec2=self.cov_sky_arcsec2 * times**2,
+            time_sigma_s=self.time_sigma_s * times,
+        )
+
+    def rates_arcsec_s(self, positions_km: FloatArray, velocities_km_s: FloatArray) -> FloatArray:
+        """Rates (N, 2), east and north, of an object at these places with these velocities."""
+        away = np.linalg.norm(positions_km - self.sites_km, axis=-1, keepdims=True)
+        rates = (velocities_km_s - self.sites_km_s) / away
+        axes = (np.sum(rates * axis, axis=-1) for axis in (self.east, self.north))
+        return np.asarray(np.stack(list(axes), axis=-1) / ARCSEC_RAD)
+
     def whitened(self, residuals_arcsec: FloatArray) -> FloatArray:
         """Residuals (..., N, 2) in units of their own sigma, with correlations removed."""
         return np.asarray(np.einsum("nij,...nj->...ni", self.whitening, residuals_arcsec))
@@ -111,10 +151,14 @@ def reduce_directions(
     ra_icrs_deg: FloatArray,
     dec_icrs_deg: FloatArray,
     cov_sky_arcsec2: FloatArray,
+    *,
+    time_sigma_s: FloatArray | None = None,
 ) -> MeasuredDirections:
     """Reduce N measured directions of one object for the fit of its orbit.
 
-    ``cov_sky_arcsec2`` (N, 3): east-east, east-north, north-north. The result is in order of time.
+    ``cov_sky_arcsec2`` (N, 3): east-east, east-north, north-north. ``time_sigma_s`` (N,): errors of
+    the times that it does not hold; they count along the motion, which is estimated from the
+    directions themselves until an orbit gives it. The result is in order of time.
     Raises ValueError for a covariance that is not positive definite and for a direction that is not
     a number.
     """
@@ -124,17 +168,20 @@ def reduce_directions(
     t = np.asarray(t_utc_ns, np.int64)[order]
     ra, dec = np.asarray(ra_icrs_deg, float)[order], np.asarray(dec_icrs_deg, float)[order]
     cov = np.asarray(cov_sky_arcsec2, float)[order]
+    late_s = np.zeros(len(t)) if time_sigma_s is None else np.asarray(time_sigma_s, float)[order]
     epoch = int(t[np.argmin(np.abs(t - t[0] - (t[-1] - t[0]) // 2))]) if len(t) else 0
     sites_km, sites_km_s = site_gcrs(site, t)
     towards = direction_to_unit(ra, dec)
     east, north = east_and_north(ra, dec)
-    return MeasuredDirections(
+    reduced = MeasuredDirections(
         t_utc_ns=t,
         t_s=(t - epoch) / NS_PER_S,
         epoch_utc_ns=epoch,
         ra_icrs_deg=ra,
         dec_icrs_deg=dec,
         whitening=_whitening(cov),
+        cov_sky_arcsec2=cov,
+        time_sigma_s=late_s,
         sites_km=sites_km,
         sites_km_s=sites_km_s,
         earth_km_s=earth_velocity_km_s(t),
@@ -143,6 +190,37 @@ def reduce_directions(
         north=north,
         towards=towards,
     )
+    return reduced.with_rates(_own_rates_arcsec_s(reduced)) if np.any(late_s > 0.0) else reduced
+
+
+_NEAR_S = 600.0
+"""Largest time to a neighbour by which the rate of motion is estimated, seconds."""
+_SHARE = 0.25
+"""Least share of the arc within ``_NEAR_S`` over which it is estimated: times are uncertain."""
+
+
+def _own_rates_arcsec_s(seen: MeasuredDirections) -> FloatArray:
+    """Rates (N, 2) east and north by each direction's neighbours; 0 for a direction without any.
+
+    By a parabola in the plane that touches the sky at the direction, where ways are all but
+    straight.
+    """
+    rates = np.zeros((len(seen), 2))
+    for n in np.flatnonzero(seen.time_sigma_s > 0.0):
+        dt_s = seen.t_s - seen.t_s[n]
+        ahead = seen.towards @ seen.towards[n]
+        near = np.flatnonzero((np.abs(dt_s) <= _NEAR_S) & (ahead > 0.2))
+        near = near[np.argsort(np.abs(dt_s[near]), kind="stable")]
+        spans_s = np.maximum.accumulate(dt_s[near]) - np.minimum.accumulate(dt_s[near])
+        count = max(int(np.searchsorted(spans_s, _SHARE * spans_s[-1])) + 1, 3)
+        near = near[:count]
+        if len(near) < 2 or np.ptp(dt_s[near]) <= 0.0:
+            continue
+        plane = np.stack([seen.east[n], seen.north[n]], axis=-1)
+        off = seen.towards[near] @ plane / ahead[near, None] / ARCSEC_RAD
+        powers = dt_s[near, None] ** np.arange(min(len(np.unique(dt_s[near])), 3))
+        rates[n] = np.linalg.lstsq(powers, off, rcond=None)[0][1]
+    return rates
 
 
 def _whitening(cov: FloatArray) -> FloatArray:

@@ -44,6 +44,12 @@ POPULATIONS: dict[str, Population] = {
         inclination_deg=((1.0, 40.0),),
         objects=60.0,
     ),
+    "leo": Population(
+        a_km=((0.7, 7_100.0, 250.0), (0.3, 7_500.0, 500.0)),
+        sigma_e=1.4e-2,
+        inclination_deg=((1.0, 60.0),),
+        objects=1_000.0,
+    ),
     "any": Population(
         a_km=((0.7, 7_200.0, 500.0), (0.3, 20_000.0, 10_000.0)),
         sigma_e=0.2,

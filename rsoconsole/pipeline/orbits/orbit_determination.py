@@ -17,6 +17,7 @@ from rsoconsole.orbits import (
     TrackletOrbit,
     common_error_arcsec,
     determine_orbit,
+    determine_orbit_with_wider_errors,
     fit_mean_elements,
     gooding_orbits,
     is_plausible_orbit,
@@ -68,6 +69,8 @@ class FoundOrbit:
     parts: tuple[OrbitArc, ...]
     solutions: tuple[GoodingOrbit, ...] = ()
     """Gooding's solutions: every orbit through the three lines that does not meet the ground."""
+    not_used: tuple[str, ...] = ()
+    """Lines of the files that gave no direction, each with its place and why."""
 
 
 def find_orbit(
@@ -106,6 +109,7 @@ def find_orbit(
         seen=seen,
         observed=first[0],
         parts=tuple(sorted(parts, key=lambda part: part.t_first_utc_ns)),
+        not_used=tuple(line for each in observed for line in each.not_used),
     )
 
 
@@ -122,6 +126,7 @@ def find_by_gooding(observed: ObservedTrack) -> FoundOrbit:
         seen=seen,
         observed=observed,
         parts=(_part(observed, seen, is_used=True, probability=None),),
+        not_used=observed.not_used,
     )
     if len(seen) < MIN_SIGHTINGS or seen.t_s[-1] <= seen.t_s[0]:
         return nothing
@@ -157,7 +162,10 @@ def _determined(
 ) -> Orbit | None:
     """Determine an orbit over several arcs, from the longest on: no seed finds it at once."""
     if len(used) == 1 or start is None:
-        return determine_orbit(seen, prior=prior)
+        orbit = determine_orbit(seen, prior=prior)
+        if orbit is None and prior != "none":
+            orbit = determine_orbit_with_wider_errors(seen, prior)
+        return orbit
     state, epoch, grown = start.state, start.seen.epoch_utc_ns, None
     for count in range(2, len(used) + 1):
         grown = joint_orbit(used[:count], state, epoch, start.population)
@@ -169,7 +177,7 @@ def _determined(
         return orbit
     # The nights part by more than the directions' own errors: forces that nobody knows.
     apart_arcsec = common_error_arcsec(seen)
-    orbit = determine_orbit(_loosened(seen, apart_arcsec), prior=prior, start=begun)
+    orbit = determine_orbit(seen.with_added_error(apart_arcsec), prior=prior, start=begun)
     if orbit is None or grown is None:
         return orbit
     words = f'the arcs agree only to some {apart_arcsec:.0f}": unknown forces, or a manoeuvre'
@@ -181,14 +189,6 @@ def _determined(
         sigma_a_km=semi_major_axis_sigma_km(grown.state, grown.covariance),
         reason=f"{orbit.reason}; {words}",
     )
-
-
-def _loosened(seen: MeasuredDirections, by_arcsec: float) -> MeasuredDirections:
-    """Return the same directions with an added error on each axis."""
-    whitening = seen.whitening
-    covariance = np.linalg.inv(np.swapaxes(whitening, -1, -2) @ whitening)
-    wider = covariance + by_arcsec**2 * np.eye(2)
-    return replace(seen, whitening=np.linalg.inv(np.linalg.cholesky(wider)))
 
 
 def _probability(

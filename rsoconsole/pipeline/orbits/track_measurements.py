@@ -120,6 +120,8 @@ class ObservedTrack:
     number: int = 1
     track_id: int | None = None
     """Track id in the session's records; None for a file."""
+    not_used: tuple[str, ...] = ()
+    """Lines of the file, and of the list of stations, that gave no direction: place and why."""
 
 
 def read_observed_tracks(

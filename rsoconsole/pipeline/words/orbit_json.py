@@ -25,7 +25,7 @@ _STEP = np.array([1e-2, 1e-2, 1e-2, 1e-6, 1e-6, 1e-6])
 _ELEMENTS = ("a_km", "e", "i_deg", "raan_deg", "argp_deg", "m_deg")
 _UNKNOWN = (
     *("prior", "epoch_utc", "r_gcrs_km", "v_gcrs_km_s", "covariance", *_ELEMENTS),
-    *("period_s", "sigma_a_km", "sigmas", "rms_arcsec", "outliers", "rivals"),
+    *("period_s", "sigma_a_km", "sigmas", "rms_arcsec", "outliers", "outliers_utc", "rivals"),
 )
 _OF_CANDIDATE = ("norad_id", "name", "probability", "separation_arcsec")
 _OF_MATCH = (
@@ -55,6 +55,7 @@ def orbit_report(
         "arc_s": float(seen.t_s[-1] - seen.t_s[0]),
         "t_first_utc": utc_ns_to_iso(int(seen.t_utc_ns[0])),
         "t_last_utc": utc_ns_to_iso(int(seen.t_utc_ns[-1])),
+        "lines_not_used": list(found.not_used),
         "parts": [_part_report(each) for each in found.parts],
         "solutions": [
             {**elements_by_name(each.r_km, each.v_km_s), "range_km": float(each.ranges_km[1])}
@@ -151,6 +152,7 @@ def _orbit_values(orbit: Orbit) -> dict[str, Any]:
         "sigmas": element_sigmas(orbit),
         "rms_arcsec": orbit.rms_arcsec,
         "outliers": orbit.outliers,
+        "outliers_utc": [utc_ns_to_iso(int(t)) for t in orbit.outlier_utc_ns],
         "rivals": orbit.rivals,
     }
 
