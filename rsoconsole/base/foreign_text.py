@@ -84,7 +84,7 @@ def read_text_in_any_encoding(path: Path, *, most_bytes: int = MAX_DATA_BYTES) -
     Raises OSError, and ValueError for what is no text.
     """
     text = text_in_any_encoding(_read_regular_file(path, most_bytes))
-    if "\0" in text:
+    if "\0" in text or (text.strip() and not any(map(str.isalnum, text))):
         raise ValueError("it is no text")
     return text
 

@@ -66,6 +66,9 @@ def words_of(command: str) -> list[str]:
         "TARGET": "Vega",
         "SOURCE": "celestrak:geo",
         "FILE": str(BELT),
+        "RA": "313.7",
+        "DEC": "-4.8",
+        "DEG": "1.5",
     }
     plain = re.sub(r"\[[A-Z]+\]", "", command.replace("...", ""))
     return [stands_for.get(word, word) for word in shlex.split(plain)[1:]]
