@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.base import FrameError
-from rsoconsole.instruments.frames.header_cards import COMMENT_UNIT, REPEATED_KEY, UNITS_KEY
+from rsoconsole.instruments.frames.header_cards import COMMENT_UNIT, REPEATED_KEY
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
+from rsoconsole.records import UNITS_KEY
 
 MAX_PIXELS = 400_000_000
 """Largest image that is read, pixels: no camera has more."""

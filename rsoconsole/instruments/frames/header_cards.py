@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
+from rsoconsole.records import UNITS_KEY
+
 SECONDS: Mapping[str, float] = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
@@ -35,8 +37,6 @@ DEGREES: Mapping[str, float] = {
     "rad": 57.29577951308232,
 }
 """Units of an angle, in degrees."""
-UNITS_KEY = "COMMENT UNITS"
-"""Key for the units that comments have in brackets, by keyword (FITS standard 4.0, 4.3.2)."""
 REPEATED_KEY = "REPEATED KEYWORDS"
 """Key for the further values of keywords that stand more than once, as a tuple by keyword."""
 COMMENT_UNIT = re.compile(r"\s*\[\s*([^\W\d_]{1,20})\s*\]")

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.instruments.frames.header_cards import COMMENT_UNIT, UNITS_KEY
+from rsoconsole.instruments.frames.header_cards import COMMENT_UNIT
+from rsoconsole.records import UNITS_KEY
 
 _BLOCK, _CARD = 2880, 80
 _MAX_BLOCKS = 64
