@@ -256,7 +256,7 @@ class InstantReader:
         return key, None
 
     def _compared(self, key: str, used: Instant, time: TimeOfDay) -> Iterator[Instant]:
-        """Note a time of day that is not the one that is used.
+        """Note a time of day other than that in use.
 
         One that is UTC by its name, where TIMESYS is another scale, is an instant of its own.
         """
@@ -266,7 +266,10 @@ class InstantReader:
             others = self._times(key)
         except ValueError:
             others = []
-        if self.scale != "UTC" and self._scale_by_name(key) == "UTC" and len(others) == 1:
+        is_utc = self._scale_by_name(key) == "UTC"
+        if is_utc:
+            time = replace(time, since_midnight_ns=used.utc_ns % NS_PER_DAY)
+        if is_utc and self.scale != "UTC" and len(others) == 1:
             off_ns = others[0].since_midnight_ns - used.utc_ns % NS_PER_DAY
             off_ns = (off_ns + NS_PER_DAY // 2) % NS_PER_DAY - NS_PER_DAY // 2
             step_ns = others[0].step_ns

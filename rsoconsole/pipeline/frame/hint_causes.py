@@ -89,7 +89,8 @@ def _focal_length_remedy(frame: Frame, focal_mm: float, ratio: float, setting: s
     counted = stated or 1 if pixel is not None and pixel[0] != "XPIXSZ" else 1
     whole = round(ratio * counted)
     if round(ratio) >= 2 and whole <= _MAX_BINNING and _is_same(ratio * counted, whole):
-        says = "which no XBINNING says" if stated is None else f"although XBINNING says {stated}"
+        key = "XBINNING" if "XBINNING" in frame.header else "CCDSUM"
+        says = "which no XBINNING says" if stated is None else f"although {key} says {stated}"
         return (
             f"either the frame is binned by {whole}, {says}, and the pixel's size"
             f" is that before it; or {words}"
