@@ -193,9 +193,10 @@ def test_the_objects_of_a_frame_need_a_site_and_the_reason_for_none_is_named(
     cards, cause, tmp_path
 ):
     name = written(tmp_path / "a.fits", **cards)
-    (found,), _ = run("identify", "--field", name, "--tle", str(elements_path()), code=1)
-    assert "the configuration sets no site" in found["error"]
-    assert cause in found["error"]
+    words = ["identify", "--field", name, "--tle", str(elements_path())]
+    error = str(CliRunner().invoke(app, words).exception)
+    assert "the configuration sets no site" in error
+    assert cause in error
 
 
 def test_a_frame_without_a_site_of_its_own_names_the_frame_that_has_it(tmp_path):

@@ -154,6 +154,8 @@ def test_a_number_is_a_time_of_day_only_where_it_can_be_nothing_else():
         ({"DATE-OBS": "2023-06-23", "UTC": "05:31:30", "TIMESYS": "LOCAL"}, "TIMESYS 'LOCAL'"),
         ({"MJD": 60118.23, "UT-END": "05:31:40"}, "MJD 60118.23, UT-END '05:31:40'"),
         ({"TIME-OBS": "05:31:30"}, "DATE-OBS is missing; not read, as its date"),
+        ({"DATE-OBS": BEGAN, "TIMESYS": -(10**5000)}, "is no time scale that can be converted"),
+        ({"DATE-OBS": "2023-06-23", "UT": 10**5000}, "it has no time of day like"),
         ({"DATE-OBS": 2023.47}, "DATE-OBS 2023.47 is not used: it is no date"),
         ({"DATE-OBS": "last night"}, "DATE-OBS 'last night' is not used: it is no date"),
         ({"MJD-OBS": 60118}, "MJD-OBS 60118 names no time of day"),
@@ -427,3 +429,16 @@ def test_the_length_may_be_twice_that_to_the_middle():
     exposed = exposure_time({"DATE-OBS": BEGAN, "DATE-AVG": MIDDLE.isot})
     assert exposed.exposure_s == pytest.approx(10.0)
     assert "to DATE-AVG, the middle, it is 5 s, 10 s in all" in exposed.notes[0]
+
+
+def test_the_length_may_be_to_the_time_of_day_of_the_end():
+    midnight = {"DATE-OBS": "2023-06-23", "UT-STR": "23:59:55.0", "UT-END": "00:00:05.0"}
+    exposed = exposure_time(midnight)
+    assert exposed.exposure_s == pytest.approx(10.0)
+    assert "to UT-END it is 10 s" in exposed.notes[0]
+    assert exposure_time(midnight | {"UT-END": "soon"}).exposure_s is None
+
+
+def test_a_card_named_utc_is_held_against_a_time_with_an_offset():
+    header = {"DATE-OBS": "2023-06-23T07:31:30.300+02:00", "UTC": "05:31:30.3"}
+    assert began(EXPOSED | header) == BEGAN_NS

@@ -96,8 +96,10 @@ class _StartChooser(InstantReader):
         For headers in which no card states it.
         """
         start = next((each for each in instants if each.moment == "start"), None)
+        end = None if start is None else self.end_after(start)
+        others = [*instants, *([] if end is None else [end])]
         for moment, factor in (("end", 1), ("middle", 2)):
-            other = next((each for each in instants if each.moment == moment), None)
+            other = next((each for each in others if each.moment == moment), None)
             if start is None or other is None or start.is_midnight:
                 continue
             if not 0 < other.utc_ns - start.utc_ns < NS_PER_DAY:

@@ -10,6 +10,7 @@ from rsoconsole.instruments.frames.header_cards import (
     MICROMETRES,
     MILLIMETRES,
     Cards,
+    card_text,
     written_number,
 )
 from rsoconsole.records import CameraMode
@@ -89,7 +90,7 @@ def _binning(cards: Cards) -> tuple[int, int] | None:
     if whole:
         return whole[0], whole[-1]
     value = cards.value("CCDSUM")
-    found = None if value is None else _SUMMED.fullmatch(str(value))
+    found = None if value is None else _SUMMED.fullmatch(card_text(value))
     if value is not None and found is None:
         cards.not_used("CCDSUM", f"it is not {what} for columns and rows")
     return None if found is None else (int(found[1]), int(found[2]))

@@ -114,6 +114,11 @@ def shown_value(value: object) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
+def card_text(value: object) -> str:
+    """Return a card's value as text, whatever it is."""
+    return value if isinstance(value, str) else shown_value(value)
+
+
 class Cards:
     """The cards of one header; keeps a note on each value that was asked for and is not used."""
 

@@ -11,7 +11,7 @@ from decimal import Decimal
 from typing import Any, Literal
 
 from rsoconsole.instruments.frames.exposure_length import MISSING
-from rsoconsole.instruments.frames.header_cards import Cards, shown_value
+from rsoconsole.instruments.frames.header_cards import Cards, card_text, shown_value
 from rsoconsole.instruments.frames.header_dates import (
     FIRST_YEAR,
     LAST_YEAR,
@@ -39,6 +39,8 @@ _OF_DATE_BEG = ("TIME-BEG", "UT-BEG", "UTC-BEG")
 """Times of day that DATE-BEG is compared with; without its own it may have any."""
 _UTC_NAME = re.compile(r"UT.*|.*[-_]UTC?")
 """Keys that say that their time is UTC."""
+_END_KEYS = ("UT-END", "UTC-END", "UTEND", "UTSTOP")
+"""Keys of the time of day of the end, UTC by their names."""
 Moment = Literal["start", "middle", "end"]
 _DAYS: tuple[tuple[str, Moment, float], ...] = (
     ("MJD-OBS", "start", MJD_UNIX),
@@ -109,7 +111,7 @@ class InstantReader:
         stated = self.cards.value("TIMESYS")
         if stated is None:
             return "UTC", ""
-        scale = time_scale(str(stated))
+        scale = time_scale(card_text(stated))
         if scale is None:
             return None, (
                 f"TIMESYS {shown_value(stated)} is no time scale that can be converted to UTC"
@@ -232,7 +234,7 @@ class InstantReader:
         written = self._date_in(key)
         if written is not None and written.time is not None:
             return [written.time]
-        return numeric_times(value) or [parse_time_of_day(str(value))]
+        return numeric_times(value) or [parse_time_of_day(card_text(value))]
 
     def _time_beside(
         self, key: str, day: int, time_keys: tuple[str, ...]
@@ -282,6 +284,20 @@ class InstantReader:
             )
         elif not any(_is_same_time(time, each) for each in others):
             self.cards.not_used(key, f"it is not the time of day of {used.words}")
+
+    def end_after(self, start: Instant) -> Instant | None:
+        """End of the exposure by a time of day in a card of its own, within a day of its start."""
+        for key in _END_KEYS:
+            try:
+                found = [] if self.cards.value(key) is None else self._times(key)
+            except ValueError as error:
+                self.cards.not_used(key, str(error))
+                continue
+            if len(found) != 1:
+                continue
+            after_ns = (found[0].since_midnight_ns - start.utc_ns) % NS_PER_DAY
+            return replace(start, words=key, utc_ns=start.utc_ns + after_ns, moment="end")
+        return None
 
     def _of_day_count(self, key: str, moment: Moment, epoch: float) -> Iterator[Instant]:
         low, high = (_day_of_year(year) + epoch for year in (FIRST_YEAR, LAST_YEAR))
