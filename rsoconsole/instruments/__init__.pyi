@@ -9,6 +9,7 @@ from .frames.frame_files import read_frames as read_frames
 from .frames.frame_header import EXTENSION_KEY as EXTENSION_KEY
 from .frames.frame_header import NOTES_KEY as NOTES_KEY
 from .frames.frame_header import POSITION_KEYS as POSITION_KEYS
+from .frames.frame_header import binning as binning
 from .frames.frame_header import camera_mode as camera_mode
 from .frames.frame_header import focal_length_mm as focal_length_mm
 from .frames.frame_header import header_number as header_number

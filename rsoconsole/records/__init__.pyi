@@ -10,6 +10,7 @@ from .field import PairMotion as PairMotion
 from .field import PairMotions as PairMotions
 from .field import PathKind as PathKind
 from .field import UnseenMember as UnseenMember
+from .frames import UNITS_KEY as UNITS_KEY
 from .frames import CameraMode as CameraMode
 from .frames import ChartStar as ChartStar
 from .frames import Closeup as Closeup

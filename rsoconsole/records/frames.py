@@ -15,6 +15,9 @@ PixelArray = npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
 MapMode = Literal["fast", "paper"]
 
+UNITS_KEY = "COMMENT UNITS"
+"""Key in a frame's header for the units in brackets in comments, by keyword (FITS 4.0, 4.3.2)."""
+
 StreakKind = Literal["streak", "clipped", "crossing"]
 """Kind of streak: both ends in the frame, one end, neither."""
 

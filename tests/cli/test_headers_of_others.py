@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from rsoconsole.cli.app import app
 from rsoconsole.instruments import read_frame
+from rsoconsole.session import compress_frame
 from rsoconsole.simulator import elements_path
 from tests.pages.json_page import expect_documented
 
@@ -177,3 +178,41 @@ def test_a_night_counts_its_frames_without_a_time(tmp_path):
     written(folder / "2.fits", DATE__OBS=None)
     (found,), _ = run("process", str(folder), "--session", str(tmp_path / "made"))
     assert (found["frames"], found["without_time"]) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("cards", "cause"),
+    [
+        ({"SITELAT": "N/A", "SITELONG": "N/A"}, "SITELAT 'N/A' is not used: it is not a latitude"),
+        ({"SITELAT": 29.19}, "there is no SITELONG"),
+        ({"SITELAT": 0.0, "SITELONG": 0.0}, "are both 0 and not used"),
+        ({}, "nor do the headers of the first frames"),
+    ],
+)
+def test_the_objects_of_a_frame_need_a_site_and_the_reason_for_none_is_named(
+    cards, cause, tmp_path
+):
+    name = written(tmp_path / "a.fits", **cards)
+    words = ["identify", "--field", name, "--tle", str(elements_path())]
+    error = str(CliRunner().invoke(app, words).exception)
+    assert "the configuration sets no site" in error
+    assert cause in error
+
+
+def test_a_frame_without_a_site_of_its_own_names_the_frame_that_has_it(tmp_path):
+    first = written(tmp_path / "a.fits", SITELAT=29.19, SITELONG=-81.05)
+    other = written(tmp_path / "b.fits", SITELAT="N/A", SITELONG="N/A")
+    (_, found), _ = run("process", first, other)
+    assert any("by SITELAT and SITELONG" in note for note in found["notes"])
+    assert any("of the header of a.fits" in note for note in found["notes"])
+
+
+def test_a_unit_in_a_comment_is_kept_in_a_session(tmp_path):
+    name = written(tmp_path / "a.fits", EXPTIME=None)
+    with fits.open(name, mode="update") as file:
+        file[0].header["EXPTIME"] = (10_000.0, "[ms] exposure time")
+    frame = read_frame(Path(name), 1)
+    assert frame.exposure_s == 10.0
+    kept = tmp_path / "kept.fits.fz"
+    kept.write_bytes(compress_frame(frame))
+    assert read_frame(kept, 1).exposure_s == 10.0

@@ -5,6 +5,7 @@ from astropy import units as u
 from astropy.coordinates import EarthLocation
 
 from rsoconsole.instruments import header_site
+from rsoconsole.records import UNITS_KEY
 
 HERE = EarthLocation.from_geodetic(-81.05 * u.deg, 29.19 * u.deg, 10.0 * u.m)
 GEOCENTRIC = dict(
@@ -15,6 +16,7 @@ GEOCENTRIC = dict(
     )
 )
 ONE_METRE_DEG = 1e-5
+FEET = {"SITEELEV": "ft"}
 
 
 @pytest.mark.parametrize(
@@ -30,6 +32,15 @@ ONE_METRE_DEG = 1e-5
         ({"OBSGEO-B": 29.19, "OBSGEO-L": 278.95, "OBSGEO-H": 10.0}, 10.0),
         ({"OBS-LAT": 29.19, "OBS-LONG": "81.05 W"}, 0.0),
         ({"LATITUDE": 29.19, "LONGITUD": -81.05}, 0.0),
+        ({"SITELAT": "29.19 deg", "SITELONG": "-81.05 degrees"}, 0.0),
+        ({"SITELAT": "29.19,N", "SITELONG": "81.05 West"}, 0.0),
+        ({"SITELAT": "29°11′24″N", "SITELONG": "81°03′00″W"}, 0.0),
+        # What FITS leaves of the same, by UTF-8 and by Latin-1.
+        ({"SITELAT": "29??11???24???N", "SITELONG": "81?03'00\"W"}, 0.0),
+        ({"SITE-LAT": 29.19, "SITE-LON": -81.05}, 0.0),
+        ({"SITELAT": 29.19, "SITELONG": 81.05, UNITS_KEY: {"SITELONG": "W"}}, 0.0),
+        ({"SITELAT": 29.19, "SITELONG": -81.05, "SITEELEV": 32.8084, UNITS_KEY: FEET}, 10.0),
+        ({"ESO TEL GEOLAT": 29.19, "ESO TEL GEOLON": -81.05, "ESO TEL GEOELEV": 10.0}, 10.0),
         (GEOCENTRIC, 10.0),
     ],
 )
@@ -64,7 +75,12 @@ def test_the_south_is_below_zero():
         ({"OBS-LAT": -30.16606, "OBS-LONG": 70.81489}, "OBS-LONG 70.81489 is not used"),
         ({"OBSGEO-X": 0.0, "OBSGEO-Y": 0.0, "OBSGEO-Z": 0.0}, "no place on the ground"),
         ({"OBSGEO-X": 1e7, "OBSGEO-Y": 0.0, "OBSGEO-Z": 0.0}, "no place on the ground"),
-        ({"OBSGEO-X": 6.4e6, "OBSGEO-Y": 0.0}, "no place on the ground"),
+        ({"OBSGEO-X": 6.4e6, "OBSGEO-Y": 0.0}, "OBSGEO-Y not used: there is no OBSGEO-Z"),
+        ({"SITELAT": "5?.3", "SITELONG": 5.0}, "SITELAT '5?.3' is not used"),
+        (
+            {"SITELAT": 0.5, "SITELONG": 5.0, UNITS_KEY: {"SITELAT": "gon"}},
+            "SITELAT 0.5 is not used: its comment has the unit [gon]",
+        ),
     ],
 )
 def test_impossible_places_are_not_taken_and_named(header, why):
@@ -89,3 +105,14 @@ def test_an_altitude_is_no_elevation():
     assert found.site is not None
     assert found.site.elevation_m == 0.0
     assert header_site({}).site is None
+
+
+def test_of_mirrored_longitudes_that_of_the_standard_is_used():
+    mirrored = {"SITELAT": 29.19, "SITELONG": 81.05, "OBSGEO-B": 29.19, "OBSGEO-L": -81.05}
+    found = header_site(mirrored)
+    assert found.site is not None
+    assert found.site.longitude_deg == -81.05
+    assert found.words.startswith("OBSGEO-B and OBSGEO-L")
+    (note,) = found.notes
+    assert "one longitude has the opposite sign of the other" in note
+    assert note.endswith("OBSGEO-B and OBSGEO-L are used")

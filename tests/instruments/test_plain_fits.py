@@ -9,7 +9,7 @@ from astropy.io import fits
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsoconsole.instruments import frame_from_bytes
+from rsoconsole.instruments import exposure_time, frame_from_bytes
 from rsoconsole.instruments.frames._fits_by_astropy import image_by_astropy
 from rsoconsole.instruments.frames.plain_fits import read_plain
 from rsoconsole.simulator import fits_bytes
@@ -154,3 +154,42 @@ def test_a_true_value_that_is_no_number_is_no_size():
         b"NAXIS   =                    2", b"NAXIS   =                    T"
     )
     assert read_plain(content) is None
+
+
+def with_cards(*cards: str) -> bytes:
+    content = bytearray(fits_bytes(NUMBERS, {f"FILLER{n}": n for n in range(len(cards))}))
+    for n, card in enumerate(cards):
+        place = content.index(f"FILLER{n} ".encode())
+        content[place : place + 80] = card.ljust(80).encode()
+    return bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("card", "seconds"),
+    [
+        ("EXPTIME =               2000.0 / [ms] exposure time", 2.0),
+        ("EXPTIME =                 2000 /[ms]", 2.0),
+        ("EXPTIME =                  2.0 / [s]", 2.0),
+        ("EXPTIME = '2.0 s'              / [ms] the value's own unit goes first", 2.0),
+        ("EXPTIME =2.0", 2.0),
+        ("EXPTIME =2000,0 / [ms]", 2.0),
+        ("EXPTIME =                  2.0 / [fortnight]", None),
+    ],
+)
+def test_units_in_comments_are_read_with_astropy_and_without(card, seconds):
+    content = with_cards(card)
+    assert exposure_time(image_by_astropy(content, "a").header).exposure_s == seconds
+    frame = frame_from_bytes(content, 1, "a")
+    assert frame.exposure_s == seconds
+    assert any("its comment has the unit" in note for note in frame.header["NOTES"]) == (
+        seconds is None
+    )
+
+
+def test_of_two_cards_of_one_name_the_first_is_used_and_both_are_named():
+    content = with_cards("EXPTIME = 10.0", "GAIN    = 5", "EXPTIME = 20.0", "GAIN    = 5")
+    frame = frame_from_bytes(content, 1, "a")
+    assert frame.exposure_s == 10.0
+    assert [note for note in frame.header["NOTES"] if "twice" in note] == [
+        "EXPTIME stands twice, as 10.0 and 20.0: the first is used"
+    ]

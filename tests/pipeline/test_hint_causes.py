@@ -70,6 +70,10 @@ def test_right_cards_are_not_complained_of():
         ({"XPIXSZ": 3.8}, "XPIXSZ 3.8 um is the size before binning by 4: after it it is 15.2 um"),
         ({"XPIXSZ": "3,8"}, "XPIXSZ 3.8 um is the size before binning by 4"),
         ({"XPIXSZ": 7.6, "XBINNING": 2}, "XPIXSZ 7.6 um is the size before binning by 2"),
+        (
+            {"XPIXSZ": 3.8, "XBINNING": None, "YBINNING": None, "CCDSUM": "4 4"},
+            "XPIXSZ 3.8 um is the size before binning by 4",
+        ),
         ({"XPIXSZ": 60.8}, "has the binning by 4 in it once too often"),
         ({"XPIXSZ": None, "PIXSIZE1": 15.2}, "PIXSIZE1 15.2 um has the binning by 4 in it once"),
     ],
@@ -94,7 +98,18 @@ def test_a_size_of_pixels_without_or_with_their_binning_leaves_the_focal_length(
         ({"FOCALLEN": 984.0}, "as by a 0.63x reducer that is not counted"),
         ({"FOCALLEN": 413.0}, "as by a 1.5x extender that is not counted"),
         ({"FOCALLEN": 700.0}, "FOCALLEN says 700 mm, it should be 620"),
-        ({"XBINNING": None, "XPIXSZ": 3.8}, "either the frame is binned by 4, which no XBINNING"),
+        (
+            {"XBINNING": None, "YBINNING": None, "XPIXSZ": 3.8},
+            "either the frame is binned by 4, which no XBINNING says, and the pixel's size is that",
+        ),
+        (
+            {"XBINNING": 1, "YBINNING": 1, "XPIXSZ": 3.8},
+            "either the frame is binned by 4, although XBINNING says 1",
+        ),
+        (
+            {"XBINNING": 2, "YBINNING": 2, "XPIXSZ": 3.8},
+            "either the frame is binned by 4, although XBINNING says 2",
+        ),
     ],
 )
 def test_a_wrong_focal_length_has_its_likely_cause(cards, cause):
@@ -106,6 +121,7 @@ def test_a_wrong_focal_length_has_its_likely_cause(cards, cause):
     [
         ({"FOCALLEN": 0.62}, "FOCALLEN looks like metres"),
         ({"XPIXSZ": 0.0152}, "XPIXSZ looks like mm"),
+        ({"XPIXSZ": 1.52e-5}, "XPIXSZ looks like m, um are wanted"),
     ],
 )
 def test_an_impossible_scale_has_its_likely_unit(cards, likely):

@@ -103,10 +103,13 @@ def identify_field(
 def _expect_site(place: FrameSite) -> None:
     """Raises ConfigError without a site: the default one would name wrong objects."""
     if place.source == "default":
+        headers = "nor do the headers of the first frames (SITELAT, SITELONG)"
+        if place.words:
+            headers = f"and that in the headers of the first frames cannot be used ({place.words})"
         raise ConfigError(
-            "the configuration sets no site (site.latitude_deg, site.longitude_deg), nor do the"
-            " headers of the first frames (SITELAT, SITELONG): where they were taken decides what"
-            " crossed them; set latitude, longitude (east positive) and elevation"
+            f"the configuration sets no site (site.latitude_deg, site.longitude_deg), {headers}:"
+            " where they were taken decides what crossed them; set latitude, longitude (east"
+            " positive) and elevation"
         )
 
 

@@ -14,12 +14,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsoconsole.base import FrameError
+from rsoconsole.instruments.frames.header_cards import COMMENT_UNIT, REPEATED_KEY
 from rsoconsole.instruments.frames.plain_fits import Content, FitsImage
+from rsoconsole.records import UNITS_KEY
 
 MAX_PIXELS = 400_000_000
 """Largest image that is read, pixels: no camera has more."""
 _BLOCK, _CARD, _MAX_BLOCKS, _MAX_UNITS = 2880, 80, 1000, 2000
 _WHOLE = re.compile(rb"= +([+-]?[0-9]+)(?:\.0*)? *(?:/.*)?$")
+_NO_BLANK = re.compile(r"[A-Z0-9_-]{1,8} *(?<=.{8})=(?=[^ =])")
+"""A card that somebody wrote by hand, without a blank behind the equals sign."""
 _BITS = (8, 16, 32, 64, -32, -64)
 _MAX_AXES, _MAX_ITEMS = 999, 16 * MAX_PIXELS
 
@@ -249,30 +253,57 @@ def _readable(hdus: Any) -> Iterator[Any]:
 def _merged_header(primary: Any, own: Any) -> dict[str, Any]:
     """Merge cards as plain values; an image's own cards win over the primary header's.
 
-    A value that is no FITS value, such as 10,5 or a text without quotes, is kept as text.
+    A value that is no FITS value, such as 10,5 or a text without quotes, is kept as text. Of a
+    keyword that stands more than once in a header the first is used, and the others are kept in
+    ``REPEATED_KEY``; units of comments are in ``UNITS_KEY``.
     """
-    from astropy.io.fits import VerifyError
-
     merged: dict[str, Any] = {}
-    for header in (primary, own):
+    units: dict[str, str] = {}
+    repeated: dict[str, tuple[Any, ...]] = {}
+    for header in (primary,) if primary is own else (primary, own):
+        seen: set[str] = set()
         for card in header.cards:
-            if card.keyword in ("", "COMMENT", "HISTORY"):
+            keyword, value, comment = _parts(card)
+            if not isinstance(value, bool | int | float | str):
                 continue
-            try:
-                value = card.value
-            except VerifyError:
-                value = _unparsed_value(card)
-            except (ValueError, OSError):
+            if keyword in seen:
+                others = repeated.get(keyword, ())
+                if value != merged[keyword] and value not in others:
+                    repeated[keyword] = (*others, value)
                 continue
-            if isinstance(value, bool | int | float | str):
-                merged[card.keyword] = value
-    return merged
+            seen.add(keyword)
+            merged[keyword] = value
+            repeated.pop(keyword, None)
+            units.pop(keyword, None)
+            unit = COMMENT_UNIT.match(comment)
+            if unit is not None:
+                units[keyword] = unit[1]
+    further = {UNITS_KEY: units, REPEATED_KEY: repeated}
+    return merged | {key: found for key, found in further.items() if found}
 
 
-def _unparsed_value(card: Any) -> str:
-    """Value of a card as it stands there, without its comment and unpaired quotes."""
+def _parts(card: Any) -> tuple[str, Any, str]:
+    """Keyword, value and comment of a card; the value is None where it has none."""
+    from astropy.io.fits import Card, VerifyError
+
+    if card.keyword in ("", "COMMENT", "HISTORY"):
+        return "", None, ""
+    try:
+        image = str(card.image)
+        if _NO_BLANK.match(image):
+            card = Card.fromstring(f"{image[:9]} {image[9:79]}")
+        return card.keyword, card.value, str(card.comment)
+    except VerifyError:
+        return card.keyword, *_unparsed_parts(card)
+    except (ValueError, OSError):
+        return card.keyword, None, ""
+
+
+def _unparsed_parts(card: Any) -> tuple[str, str]:
+    """Value of a card as it stands there, without unpaired quotes, and its comment."""
     try:
         _, _, stated = str(card.image)[:_CARD].partition("=")
     except Exception:  # what no rule of astropy mends
-        return "(unreadable)"
-    return stated.partition(" /")[0].strip().strip("'").strip()
+        return "(unreadable)", ""
+    value, _, comment = stated.partition(" /")
+    return value.strip().strip("'").strip(), comment

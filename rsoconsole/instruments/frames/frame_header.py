@@ -1,13 +1,16 @@
 """What a frame's header states besides its time: read-out, temperature, scale and pointing."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from rsoconsole.instruments.frames.exposure_time import exposure_time
 from rsoconsole.instruments.frames.header_cards import (
+    DEGREES,
     MICROMETRES,
     MILLIMETRES,
     Cards,
+    card_text,
     written_number,
 )
 from rsoconsole.records import CameraMode
@@ -21,8 +24,12 @@ EXTENSION_KEY = "EXTENSION"
 ABSOLUTE_ZERO_C = -273.15
 POSSIBLE_ARCSEC_PX = (0.01, 3600.0)
 """Possible plate scales, arcsec/px; a scale beyond them is an error of the header."""
-_METRES_BELOW, _MILLIMETRES_BELOW = 15.0, 0.2
-"""Focal length, mm, and size of a pixel, um, below which the number is in a larger unit."""
+_METRES_BELOW = 15.0
+"""Focal length, mm, below which the number is in metres."""
+_PIXEL_UNITS = ((2e-4, "m"), (0.2, "mm"))
+"""Sizes of a pixel, um, below which the number is in a larger unit."""
+_SUMMED = re.compile(r"\s*([1-9][0-9]?)[\s,x]+([1-9][0-9]?)\s*")
+_HOURS = {**dict.fromkeys(("h", "hr", "hour", "hours", "hourangle"), 15.0), **DEGREES}
 POSITION_KEYS = (("RA", "DEC"), ("OBJCTRA", "OBJCTDEC"))
 """Keys of the pointing, the most trusted first."""
 
@@ -56,23 +63,37 @@ def camera_mode(header: Mapping[str, Any]) -> CameraMode:
 
 def _read_out(cards: Cards) -> tuple[str | None, int | None, int | None, float | None]:
     """Binning, first column and row, and gain."""
-    binned = [_binning(cards, key) for key in ("XBINNING", "YBINNING")]
-    whole = [each for each in binned if each is not None]
+    binned = _binning(cards)
     x0_px, y0_px = (
         cards.number(key, "a column or row of the sensor", 0.0, 1e6)
         for key in ("XORGSUBF", "YORGSUBF")
     )
     return (
-        f"{whole[0]}x{whole[-1]}" if whole else None,
+        None if binned is None else f"{binned[0]}x{binned[1]}",
         None if x0_px is None else int(x0_px),
         None if y0_px is None else int(y0_px),
         cards.number("GAIN", "a gain"),
     )
 
 
-def _binning(cards: Cards, key: str) -> int | None:
-    found = cards.number(key, "a binning of 1 to 99", 1.0, 99.99)
-    return None if found is None else int(found)
+def binning(header: Mapping[str, Any]) -> int | None:
+    """Return the binning across columns as the header states it; None without it."""
+    found = _binning(Cards(header))
+    return None if found is None else found[0]
+
+
+def _binning(cards: Cards) -> tuple[int, int] | None:
+    """Binning across columns and rows; CCDSUM, as '2 2', is that of NOAO and Gemini."""
+    what = "a binning of 1 to 99"
+    stated = [cards.number(key, what, 1.0, 99.99) for key in ("XBINNING", "YBINNING")]
+    whole = [int(each) for each in stated if each is not None]
+    if whole:
+        return whole[0], whole[-1]
+    value = cards.value("CCDSUM")
+    found = None if value is None else _SUMMED.fullmatch(card_text(value))
+    if value is not None and found is None:
+        cards.not_used("CCDSUM", f"it is not {what} for columns and rows")
+    return None if found is None else (int(found[1]), int(found[2]))
 
 
 def sensor_temperature_c(header: Mapping[str, Any]) -> float | None:
@@ -112,8 +133,9 @@ def impossible_scale_note(header: Mapping[str, Any]) -> str | None:
     remedy = "set the telescope's focal length, in mm, in the camera's driver"
     if focal_mm < _METRES_BELOW:
         remedy = "FOCALLEN looks like metres, mm are wanted"
-    elif pixel_um < _MILLIMETRES_BELOW:
-        remedy = f"{key} looks like mm, um are wanted"
+    else:
+        unit = next((unit for below, unit in _PIXEL_UNITS if pixel_um < below), None)
+        remedy = remedy if unit is None else f"{key} looks like {unit}, um are wanted"
     return (
         f"FOCALLEN {focal_mm:g} mm and {key} {pixel_um:g} um would be {stated:.4g} arcsec/px: not"
         f" used; {remedy}"
@@ -147,8 +169,8 @@ def _stated_scale(cards: Cards) -> float | None:
     if focal_mm is None or pixel is None:
         return None
     key, pixel_um = pixel
-    binning = 1 if key == "XPIXSZ" else _binning(cards, "XBINNING") or 1
-    return 206.264806 * pixel_um * binning / focal_mm
+    binned = None if key == "XPIXSZ" else _binning(cards)
+    return 206.264806 * pixel_um * (1 if binned is None else binned[0]) / focal_mm
 
 
 def _pixel_size(cards: Cards) -> tuple[str, float] | None:
@@ -194,10 +216,10 @@ def _angle_deg(cards: Cards, key: str, what: str) -> float | None:
     if value is None:
         return None
     is_ra = key.endswith("RA")
-    number = written_number(value)
-    if number is not None:
+    units = _HOURS if is_ra else DEGREES
+    if written_number(value, units) is not None:
         low, high = (0.0, 360.0) if is_ra else (-90.0, 90.0)
-        return cards.number(key, what, low, high)
+        return cards.number(key, what, low, high, units=units)
     try:
         if not isinstance(value, str):
             raise ValueError(key)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
+from rsoconsole.records import UNITS_KEY
+
 SECONDS: Mapping[str, float] = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
@@ -27,8 +29,18 @@ MICROMETRES: Mapping[str, float] = {
 METRES: Mapping[str, float] = {
     **dict.fromkeys(("m", "metre", "metres", "meter", "meters"), 1.0),
     "km": 1000.0,
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
 }
 """Units of an elevation, in m."""
+DEGREES: Mapping[str, float] = {
+    **dict.fromkeys(("deg", "degs", "degree", "degrees", "d", "°"), 1.0),
+    "rad": 57.29577951308232,
+}
+"""Units of an angle, in degrees."""
+REPEATED_KEY = "REPEATED KEYWORDS"
+"""Key for the further values of keywords that stand more than once, as a tuple by keyword."""
+COMMENT_UNIT = re.compile(r"\s*\[\s*([^\W\d_]{1,20})\s*\]")
+"""Unit at the beginning of a comment."""
 
 _PART = r"(?:[0-9]{1,20}(?:[.,][0-9]{0,30})?|[.,][0-9]{1,30})"
 _NUMBER = re.compile(rf"([+-]?{_PART}(?:[eEdD][+-]?[0-9]{{1,3}})?)\s*([^\W\d_]*)\.?")
@@ -102,6 +114,11 @@ def shown_value(value: object) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
+def card_text(value: object) -> str:
+    """Return a card's value as text, whatever it is."""
+    return value if isinstance(value, str) else shown_value(value)
+
+
 class Cards:
     """The cards of one header; keeps a note on each value that was asked for and is not used."""
 
@@ -111,14 +128,26 @@ class Cards:
         """Sentences on values that are not used, or are read with a doubt; each once."""
 
     def value(self, key: str) -> Any:
-        """Value of a card; None where there is none, or a blank one."""
+        """Value of a card; None where there is none, or a blank one.
+
+        Of a keyword that stands more than once it is the first, and the others are noted.
+        """
         value = self._header.get(key)
+        for other in self._header.get(REPEATED_KEY, {}).get(key, ()):
+            self.note(
+                f"{key} stands twice, as {shown_value(value)} and {shown_value(other)}: the first"
+                " is used"
+            )
         return None if isinstance(value, str) and not value.strip() else value
 
     def note(self, words: str) -> None:
         """Add a note, if it is not there already."""
         if words not in self.notes:
             self.notes.append(words)
+
+    def unit(self, key: str) -> str:
+        """Unit in brackets in a card's comment, in small letters; empty where there is none."""
+        return str(self._header.get(UNITS_KEY, {}).get(key, "")).lower()
 
     def not_used(self, key: str, why: str) -> str:
         """Add a note that a card is not used, and return it."""
@@ -139,11 +168,17 @@ class Cards:
         """Return a card's number; None where it has none, or one beyond ``low`` and ``high``.
 
         ``what``: the quantity, for the note on a value that is not used. ``units``, ``plain``: as
-        of ``written_number``.
+        of ``written_number``; a unit in the card's comment goes before ``plain``.
         """
         value = self.value(key)
         if value is None:
             return None
+        unit = self.unit(key) if units else ""
+        if units and unit:
+            if unit not in units:
+                self.not_used(key, f"its comment has the unit [{unit}], which is not read")
+                return None
+            plain = units[unit]
         written = written_number(value, units, plain)
         if written is None or not low <= written.value <= high:
             self.not_used(key, f"it is not {what}")

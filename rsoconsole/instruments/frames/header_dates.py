@@ -8,6 +8,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date
+from decimal import Decimal
 
 from rsoconsole.instruments.frames.header_cards import written_number
 from rsoconsole.sky import TIME_SCALES
@@ -18,27 +19,50 @@ FIRST_YEAR, LAST_YEAR = 1957, 2200
 """Years in which a frame may show a satellite, by its header."""
 _EPOCH = date(1970, 1, 1).toordinal()
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_YEAR_FIRST = re.compile(r"([0-9]{4})([-/.])([0-9]{1,2})\2([0-9]{1,2})(?![0-9])")
-_BASIC = re.compile(r"((?:19|20)[0-9]{2})([0-9]{2})([0-9]{2})(?![0-9])")
-_OLD_FITS = re.compile(r"([0-9]{2})/([0-9]{2})/(1?[0-9]{2})(?![0-9])")
-_YEAR_LAST = re.compile(r"([0-9]{1,2})([-/.])([0-9]{1,2})\2([0-9]{4})(?![0-9])")
-_NAMED = re.compile(r"([0-9]{1,2})[-/. ]([A-Za-z]{3})[a-z]{0,6}[-/., ] ?([0-9]{4})(?![0-9])")
+_NAME = r"(?P<name>[A-Za-z]{3})[a-z]{0,6}"
+_FORMS = tuple(
+    re.compile(form)
+    for form in (
+        r"(?P<year>[0-9]{4})([-/.:])(?P<month>[0-9]{1,2})\2(?P<day>[0-9]{1,2})(?![0-9])",
+        r"(?P<year>[0-9]{4})[-/.:](?P<of_year>[0-9]{3})(?![0-9])",
+        r"(?P<year>(?:19|20)[0-9]{2})(?P<month>[0-9]{2})(?P<day>[0-9]{2})"
+        r"(?:(?![0-9])|(?=[0-9]{6}(?![0-9])))",
+        rf"(?P<year>[0-9]{{4}})[-/. ]{_NAME}[-/. ](?P<day>[0-9]{{1,2}})(?![0-9])",
+        # By the standard until 1999: the day first, and the years since 1900. Programs that
+        # were not ready for 2000 went on to 100, 101...
+        r"(?P<day>[0-9]{2})/(?P<month>[0-9]{2})/(?P<since_1900>1?[0-9]{2})(?![0-9])",
+        rf"(?P<day>[0-9]{{1,2}})[-/. ]{_NAME}[-/., ] ?(?P<year>[0-9]{{4}})(?![0-9])",
+        r"(?P<one>[0-9]{1,2})([-/.])(?P<other>[0-9]{1,2})\2(?P<year>[0-9]{4})(?![0-9])",
+        r"(?P<short>[0-9]{1,2}[-/. ][A-Za-z]{3}[a-z]{0,6}[-/. ][0-9]{1,2})(?![0-9])",
+    )
+)
+"""Dates at the beginning of a text, by their parts."""
+_SEPARATOR = re.compile(r"\s*[Tt_:]\s*|\s+|(?=[0-9])")
 _TIME = re.compile(
-    r"([0-9]{1,2})[:h ]([0-9]{1,2})(?:[:m ]([0-9]{1,2})(?:[.,]([0-9]{0,30}))?s?)?m?", re.IGNORECASE
+    r"([0-9]{1,2})(?: ?[:h] ?| )([0-9]{1,2})"
+    r"(?:(?: ?[:m] ?| )([0-9]{1,2})(?:[.,]([0-9]{0,30}))?(?: ?s)?)?m?",
+    re.IGNORECASE,
 )
 _BASIC_TIME = re.compile(r"([0-9]{2})([0-9]{2})([0-9]{2})(?:[.,]([0-9]{0,30}))?")
-_ZONE = re.compile(r"\s*(?:(Z|UTC|UT|GMT)|([+-])([0-9]{2})(?::?([0-9]{2}))?)", re.IGNORECASE)
+_ZONE = re.compile(
+    r"[\s_]*(?:\(?(Z|UTC|UT|GMT|TAI|TT|TDB|GPS)\)?|([+-])([0-9]{2})(?::?([0-9]{2}))?)",
+    re.IGNORECASE,
+)
+_UNSET_CLOCK = 0
+"""Day since 1970 on which a clock begins that was never set."""
 _MAX_OFFSET_H = 14
 _MAX_HHMMSS = 240_000
 
 
 _SCALES: Mapping[str, str] = {
     **{name: name for name in TIME_SCALES},
-    **dict.fromkeys(("UT", "GMT", "Z", "ZULU"), "UTC"),
-    **dict.fromkeys(("TDT", "ET"), "TT"),
-    "IAT": "TAI",
+    **dict.fromkeys(("UT", "GMT", "Z", "ZULU", "UTC+0", "UTC+00:00", "UTC TIME"), "UTC"),
+    **dict.fromkeys(("COORDINATED UNIVERSAL TIME", "UNIVERSAL TIME"), "UTC"),
+    **dict.fromkeys(("TDT", "ET", "TERRESTRIAL TIME"), "TT"),
+    **dict.fromkeys(("IAT", "INTERNATIONAL ATOMIC TIME"), "TAI"),
+    **dict.fromkeys(("GPST", "GPS TIME"), "GPS"),
 }
-_SCALE = re.compile(r"([A-Z0-9]+)\s*(?:\([^()]*\))?")
+_REALISATION = re.compile(r"\s*\([^()]*\)$")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +72,10 @@ class TimeOfDay:
     since_midnight_ns: int
     step_ns: int
     """One unit of the last digit."""
-    offset_s: int | None
-    """Offset from UTC that is written with it, 0 for Z; None where none is."""
+    offset_s: int = 0
+    """Offset from UTC that is written with it, s."""
+    scale: str | None = None
+    """Time scale that is written with it, UTC where it has an offset or a Z; None without one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +94,7 @@ def parse_date(text: str) -> WrittenDate:
     rest = text[end:]
     if not rest.strip():
         return WrittenDate(day=day, time=None)
-    separator = re.match(r"\s*[Tt]\s*|\s+", rest)
+    separator = _SEPARATOR.match(rest)
     if separator is None:
         raise ValueError("it is no date")
     return WrittenDate(day=day, time=parse_time_of_day(rest[separator.end() :]))
@@ -76,26 +102,26 @@ def parse_date(text: str) -> WrittenDate:
 
 def parse_time_of_day(text: str) -> TimeOfDay:
     """Parse a time of day such as 05:31:30.3Z. Raises ValueError with the reason."""
-    text = text.strip()
+    text = text.strip().removeprefix("T")
     found = _BASIC_TIME.match(text) or _TIME.match(text)
-    if found is None:
-        raise ValueError("it has no time of day like 05:31:30.3")
-    rest, offset_s = text[found.end() :], None
+    rest = "" if found is None else text[found.end() :]
     zone = _ZONE.fullmatch(rest)
-    if zone is not None:
-        offset_s = _offset_s(zone)
-    elif rest.strip():
+    if found is None or (zone is None and rest.strip()):
         raise ValueError("it has no time of day like 05:31:30.3")
     hour, minute, second = int(found[1]), int(found[2]), int(found[3] or 0)
-    if hour > 23 or minute > 59 or second > 59:
-        raise ValueError("its time of day is not between 00:00:00 and 23:59:59")
     decimals = found[4] or ""
+    # Programs that round the seconds up write 60.0.
+    is_rounded = second == 60 and not decimals.strip("0")
+    if hour == 23 and minute == 59 and second == 60:
+        raise ValueError("it is in a leap second or rounded up, and which of them is not certain")
+    if hour > 23 or minute > 59 or (second > 59 and not is_rounded):
+        raise ValueError("its time of day is not between 00:00:00 and 23:59:59")
     seconds = (hour * 60 + minute) * 60 + second
-    step_ns = 10 ** max(9 - len(decimals), 0) if found[3] else NS_PER_MINUTE
     return TimeOfDay(
         since_midnight_ns=seconds * NS_PER_S + int(decimals[:9].ljust(9, "0")),
-        step_ns=step_ns,
-        offset_s=offset_s,
+        step_ns=10 ** max(9 - len(decimals), 0) if found[3] else NS_PER_MINUTE,
+        offset_s=0 if zone is None else _offset_s(zone),
+        scale=None if zone is None else _SCALES[(zone[1] or "UTC").upper()],
     )
 
 
@@ -110,37 +136,43 @@ def _offset_s(zone: re.Match[str]) -> int:
 
 def _leading_day(text: str) -> tuple[int, int]:
     """Days since 1970 of the date at the beginning, and where it ends."""
-    found = _YEAR_FIRST.match(text)
-    if found is not None:
-        return _days(int(found[1]), int(found[3]), int(found[4])), found.end()
-    found = _BASIC.match(text)
-    if found is not None:
-        return _days(int(found[1]), int(found[2]), int(found[3])), found.end()
-    found = _OLD_FITS.match(text)
-    if found is not None:
-        # By the standard until 1999: the day first, and the years since 1900. Programs that
-        # were not ready for 2000 went on to 100, 101...
-        return _days(1900 + int(found[3]), int(found[2]), int(found[1])), found.end()
-    found = _NAMED.match(text)
-    if found is not None and found[2].lower() in _MONTHS:
-        return _days(int(found[3]), _MONTHS.index(found[2].lower()) + 1, int(found[1])), found.end()
-    found = _YEAR_LAST.match(text)
-    if found is not None:
-        one, other, year = int(found[1]), int(found[3]), int(found[4])
+    found = next((found for form in _FORMS if (found := form.match(text))), None)
+    if found is None:
+        raise ValueError("it is no date like 2023-06-22T03:04:05.678")
+    return _day_of(found.groupdict()), found.end()
+
+
+def _day_of(parts: Mapping[str, str]) -> int:
+    if "short" in parts:
+        raise ValueError("day and year cannot be told apart; write it like 2023-06-22")
+    year = int(parts["year"]) if "year" in parts else 1900 + int(parts["since_1900"])
+    if "of_year" in parts:
+        return _days(year, 1, 1, int(parts["of_year"]))
+    if "one" in parts:
+        one, other = int(parts["one"]), int(parts["other"])
         if one <= 12 and other <= 12 and one != other:
             raise ValueError("day and month cannot be told apart; write it like 2023-06-22")
         day, month = (one, other) if one > 12 else (other, one)
-        return _days(year, month, day), found.end()
-    raise ValueError("it is no date like 2023-06-22T03:04:05.678")
+        return _days(year, month, day)
+    if "name" in parts:
+        if parts["name"].lower() not in _MONTHS:
+            raise ValueError("it is no date like 2023-06-22T03:04:05.678")
+        return _days(year, _MONTHS.index(parts["name"].lower()) + 1, int(parts["day"]))
+    return _days(year, int(parts["month"]), int(parts["day"]))
 
 
-def _days(year: int, month: int, day: int) -> int:
+def _days(year: int, month: int, day: int, of_year: int = 1) -> int:
     if not FIRST_YEAR <= year < LAST_YEAR:
         raise ValueError(f"it would be in the year {year}; write it like 2023-06-22")
     try:
-        return date(year, month, day).toordinal() - _EPOCH
+        found = date(year, month, day).toordinal() + of_year - 1
+        if of_year < 1 or date.fromordinal(found).year != year:
+            raise ValueError(of_year)
     except ValueError:
         raise ValueError("there is no such day") from None
+    if found - _EPOCH == _UNSET_CLOCK:
+        raise ValueError("on 1970-01-01 a clock begins that was never set")
+    return found - _EPOCH
 
 
 def numeric_times(value: object) -> list[TimeOfDay]:
@@ -154,15 +186,18 @@ def numeric_times(value: object) -> list[TimeOfDay]:
     hours, minutes = divmod(int(hhmm), 100)
     packed_s = (hours * 60 + minutes) * 60 + seconds
     is_packed = minutes < 60 and seconds < 60 and hours < 24
-    possible_s = {
-        *([number * 3600] if number < 24 else []),
-        *([number] if number < 86_400 else []),
-        *([packed_s] if is_packed else []),
-    }
-    step_ns = round(10.0 ** min(int(number.as_tuple().exponent), 0) * NS_PER_S)
+    possible: dict[Decimal, int] = {}
+    """Seconds since midnight, and seconds in a unit of the number."""
+    if number < 86_400:
+        possible[number] = 1
+    if is_packed:
+        possible[packed_s] = 1
+    if number < 24:
+        possible[number * 3600] = 3600
+    digit = 10.0 ** min(int(number.as_tuple().exponent), 0)
     return [
-        TimeOfDay(since_midnight_ns=int(each * NS_PER_S), step_ns=step_ns, offset_s=None)
-        for each in sorted(possible_s)
+        TimeOfDay(since_midnight_ns=int(each * NS_PER_S), step_ns=round(digit * unit_s * NS_PER_S))
+        for each, unit_s in sorted(possible.items())
     ]
 
 
@@ -171,5 +206,4 @@ def time_scale(name: str) -> str | None:
 
     A realisation may stand behind it, as in UTC(NIST). Source: FITS standard 4.0, table 30.
     """
-    found = _SCALE.fullmatch(name.strip().upper())
-    return None if found is None else _SCALES.get(found[1])
+    return _SCALES.get(" ".join(_REALISATION.sub("", name.strip().upper()).split()))

@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rsoconsole.instruments.frames.header_cards import COMMENT_UNIT
+from rsoconsole.records import UNITS_KEY
+
 _BLOCK, _CARD = 2880, 80
 _MAX_BLOCKS = 64
 _TYPES = {8: ">u1", 16: ">i2", 32: ">i4", 64: ">i8", -32: ">f4", -64: ">f8"}
@@ -99,11 +102,14 @@ def _header(content: Content) -> tuple[dict[str, Any], int] | None:
 
 
 def _take(card: str, keyword: str, header: dict[str, Any]) -> bool:
-    """Put a card's value into ``header``; return False where it is not plain."""
+    """Put a card's value into ``header``; return False where it is not plain.
+
+    A keyword that stands twice is left to astropy.
+    """
     if keyword in _LEFT_TO_ASTROPY or not _KEYWORD.fullmatch(keyword) or card[8:10] != "= ":
         return False
     value = _VALUE.fullmatch(card[10:])
-    if value is None:
+    if value is None or keyword in header:
         return False
     kind, stated = value.lastgroup, value[value.lastgroup or 0]
     if kind == "text":
@@ -119,4 +125,7 @@ def _take(card: str, keyword: str, header: dict[str, Any]) -> bool:
     elif kind == "real":
         header[keyword] = float(stated.replace("D", "E"))
     # A keyword without a value says nothing.
+    unit = COMMENT_UNIT.match(card[10 + value.end(kind or 0) :].lstrip().removeprefix("/"))
+    if unit is not None and keyword in header:
+        header.setdefault(UNITS_KEY, {})[keyword] = unit[1]
     return True

@@ -28,7 +28,9 @@ class FrameSite:
     config: Config
     source: Literal["configuration", "header", "default"]
     words: str = ""
-    """Cards of the header that state it; empty where it is not from a header."""
+    """Cards of the header that state it; of a default, why those of the headers are not used."""
+    frame: str = ""
+    """Name of the frame whose header states it."""
 
     @property
     def site(self) -> Site:
@@ -53,8 +55,9 @@ class FrameSite:
 
     def _compared(self, stated: HeaderSite) -> Iterator[str]:
         if self.source == "header":
+            whose = f" of {self.frame}" if stated.site is None else ""
             yield (
-                f"the site is {site_words(self.site)} by {self.words} of the header: the"
+                f"the site is {site_words(self.site)} by {self.words} of the header{whose}: the"
                 " configuration sets none"
             )
         if stated.site is None or self.source == "default":
@@ -78,6 +81,7 @@ def site_of_frames(
     """
     if config.site.is_set:
         return FrameSite(config=config, source="configuration")
+    reasons: tuple[str, ...] = ()
     for path in paths[:_MAX_READ]:
         try:
             frame = read_frame(path, 1, extension=extension)
@@ -85,6 +89,7 @@ def site_of_frames(
             continue
         stated = header_site(frame.header)
         if stated.site is None:
+            reasons = reasons or stated.notes
             continue
         site = SiteConfig(
             name="of the frames",
@@ -93,6 +98,9 @@ def site_of_frames(
             elevation_m=stated.site.elevation_m,
         )
         return FrameSite(
-            config=config.model_copy(update={"site": site}), source="header", words=stated.words
+            config=config.model_copy(update={"site": site}),
+            source="header",
+            words=stated.words,
+            frame=path.name,
         )
-    return FrameSite(config=config, source="default")
+    return FrameSite(config=config, source="default", words="; ".join(reasons))

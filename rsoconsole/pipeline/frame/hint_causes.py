@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from rsoconsole.instruments import (
     POSITION_KEYS,
+    binning,
     focal_length_mm,
     header_number,
     pixel_size,
@@ -30,8 +31,8 @@ _MAX_BINNING = 8
 
 def likely_scale_factors(frame: Frame) -> tuple[float, ...]:
     """Return factors by which the header's scale is wrong where its pixel size is misread."""
-    binning = _binning(frame)
-    return () if binning is None else (binning, 1.0 / binning)
+    binned = _binned(frame)
+    return () if binned is None else (float(binned), 1.0 / binned)
 
 
 def scale_remedy(frame: Frame, ratio: float, setting: str) -> str:
@@ -51,16 +52,16 @@ def scale_remedy(frame: Frame, ratio: float, setting: str) -> str:
 def _pixel_remedy(frame: Frame, pixel: tuple[str, float], ratio: float, kept: str) -> str:
     """Cause in the size of a pixel; empty where it is not that."""
     key, pixel_um = pixel
-    binning = _binning(frame)
-    if binning is not None and _is_same(ratio, binning):
+    binned = _binned(frame)
+    if binned is not None and _is_same(ratio, binned):
         return (
-            f"{key} {pixel_um:g} um is the size before binning by {binning:g}: after it it is"
-            f" {pixel_um * binning:g} um, which the program that takes the frames"
+            f"{key} {pixel_um:g} um is the size before binning by {binned}: after it it is"
+            f" {pixel_um * binned:g} um, which the program that takes the frames"
             f" should write; {kept}"
         )
-    if binning is not None and _is_same(ratio, 1.0 / binning):
+    if binned is not None and _is_same(ratio, 1.0 / binned):
         return (
-            f"{key} {pixel_um:g} um has the binning by {binning:g} in it once too often, or the"
+            f"{key} {pixel_um:g} um has the binning by {binned} in it once too often, or the"
             f" frame is not binned and XBINNING is wrong; {kept}"
         )
     if _is_same(ratio, 1000.0):
@@ -83,10 +84,15 @@ def _focal_length_remedy(frame: Frame, focal_mm: float, ratio: float, setting: s
             f" {setting}"
         )
     words = f"FOCALLEN says {focal_mm:g} mm, it should be {true_mm:.4g}: set it in {setting}"
-    whole = round(ratio)
-    if _binning(frame) is None and 2 <= whole <= _MAX_BINNING and _is_same(ratio, whole):
+    pixel, stated = pixel_size(frame.header), binning(frame.header)
+    # PIXSIZE1 is multiplied by the binning already.
+    counted = stated or 1 if pixel is not None and pixel[0] != "XPIXSZ" else 1
+    whole = round(ratio * counted)
+    if round(ratio) >= 2 and whole <= _MAX_BINNING and _is_same(ratio * counted, whole):
+        key = "XBINNING" if "XBINNING" in frame.header else "CCDSUM"
+        says = "which no XBINNING says" if stated is None else f"although {key} says {stated}"
         return (
-            f"either the frame is binned by {whole}, which no XBINNING says, and the pixel's size"
+            f"either the frame is binned by {whole}, {says}, and the pixel's size"
             f" is that before it; or {words}"
         )
     glass = next((each for each in _GLASS if _is_same(1.0 / ratio, each)), None)
@@ -96,10 +102,10 @@ def _focal_length_remedy(frame: Frame, focal_mm: float, ratio: float, setting: s
     return words
 
 
-def _binning(frame: Frame) -> float | None:
+def _binned(frame: Frame) -> int | None:
     """Binning of the frame by its header; None where it is not binned, or nothing is stated."""
-    binning = header_number(frame.header, "XBINNING")
-    return binning if binning is not None and binning >= 2.0 else None
+    stated = binning(frame.header)
+    return stated if stated is not None and stated >= 2 else None
 
 
 def _is_same(one: float, other: float) -> bool:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.records import ChartStar, Frame
+from rsoconsole.records import UNITS_KEY, ChartStar, Frame
 
 TILE_ROWS = 16
 MAX_SHIFT_BITS = 8
@@ -43,8 +43,9 @@ def compress_frame(frame: Frame) -> bytes:
     from astropy.io import fits
 
     header = fits.Header()
+    units = frame.header.get(UNITS_KEY, {})
     for key, value in _cards(frame.header):
-        header[key] = value
+        header[key] = (value, f"[{units[key]}]") if key in units else value
     stored, shift_bits = _shift_down(frame.pixels)
     is_real = stored.dtype.kind == "f"
     hdu = fits.CompImageHDU(
