@@ -103,6 +103,7 @@ from .motion.prediction import predict as predict
 from .motion.prediction import predict_motion as predict_motion
 from .motion.two_body import MU_EARTH_KM3_S2 as MU_EARTH_KM3_S2
 from .motion.two_body import TwoBodyPropagator as TwoBodyPropagator
+from .motion.two_body import eccentricity_vector as eccentricity_vector
 from .motion.two_body import osculating_elements as osculating_elements
 from .motion.two_body import period_s as period_s
 from .motion.two_body import propagate as propagate

@@ -52,7 +52,7 @@ def judged(arc: ShortArc, path: Path) -> Judged:
     t = np.array([orbit.epoch_utc_ns, last + 60 * NS_PER_S, last + 600 * NS_PER_S])
     state = arc.states(t)[0]
     true, own = (osculating_elements(*each) for each in (np.split(state, 2), found_state(found)))
-    sigma_i_deg = element_sigmas(orbit)["i_deg"] or 180.0
+    sigmas = element_sigmas(orbit)
     places, ahead = arc.places(t), predict(orbit, arc.site, t[1:])
     lines = (
         direction_to_unit(each.ra_icrs_deg, each.dec_icrs_deg) for each in (ahead.places, places)
@@ -61,7 +61,8 @@ def judged(arc: ShortArc, path: Path) -> Judged:
     off_arcsec = 206_265.0 * np.linalg.norm(seen - wanted[1:], axis=-1)
     off = {
         "a": abs(own.a_km - true.a_km) / orbit.sigma_a_km,
-        "i": abs(own.i_deg - true.i_deg) / sigma_i_deg,
+        "e": abs(own.e - true.e) / (sigmas["e"] or 1.0),
+        "i": abs(own.i_deg - true.i_deg) / (sigmas["i_deg"] or 180.0),
         **dict(zip(PREDICTED, (off_arcsec / ahead.sigma_arcsec).tolist(), strict=True)),
     }
     return Judged(off=off, sigma_a_km=orbit.sigma_a_km, took_s=took_s)
@@ -77,7 +78,7 @@ def expect_honest(count: int, path: Path) -> None:
     results = [judged(short_arc(seed), path) for seed in range(FIRST_SEED, FIRST_SEED + count)]
     orbits = [each for each in results if each.off is not None]
     assert len(orbits) >= 0.99 * count
-    for what in ("a", "i", *PREDICTED):
+    for what in ("a", "e", "i", *PREDICTED):
         inside = np.mean([(each.off or {})[what] <= 3.0 for each in orbits])
         assert inside >= 0.95, (what, inside)
     # A prior of e 0.02 leaves the axis to some 1.6 %: stated, and not more than that.

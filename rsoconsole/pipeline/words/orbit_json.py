@@ -12,6 +12,7 @@ from rsoconsole.orbits import (
     MeasuredDirections,
     ObjectMatch,
     Orbit,
+    eccentricity_vector,
     osculating_elements,
     period_s,
 )
@@ -122,7 +123,9 @@ def named_track_report(
 def element_sigmas(orbit: KnownOrbit) -> dict[str, float | None]:
     """Return one sigma of each element, by name; None for an angle that is not determined.
 
-    Such an angle has a sigma above 180 deg, as the perigee of a circular orbit.
+    Such an angle has a sigma above 180 deg, as the perigee of a circular orbit. The sigma of the
+    eccentricity has that of its vector's direction too, which lengthens the vector of an orbit
+    that is nearly circular.
     """
     states = np.concatenate([orbit.r_km, orbit.v_km_s])
     around = states + np.concatenate([np.diag(_STEP), -np.diag(_STEP)])
@@ -132,10 +135,20 @@ def element_sigmas(orbit: KnownOrbit) -> dict[str, float | None]:
     slopes = change.T / (2.0 * _STEP)
     variances = np.diag(slopes @ orbit.covariance @ slopes.T)
     sigmas = dict(zip(_ELEMENTS, np.sqrt(np.maximum(variances, 0.0)), strict=True))
+    sigmas["e"] = _eccentricity_sigma(orbit)
     return {
         key: None if key.endswith("_deg") and value > 180.0 else float(value)
         for key, value in sigmas.items()
     }
+
+
+def _eccentricity_sigma(orbit: KnownOrbit) -> float:
+    vector, slopes = eccentricity_vector(orbit.r_km, orbit.v_km_s)
+    covariance = slopes @ orbit.covariance @ slopes.T
+    e = max(float(np.linalg.norm(vector)), 1e-12)
+    along_2 = max(float(vector @ covariance @ vector) / e**2, 0.0)
+    beside_2 = max(float(np.trace(covariance)) - along_2, 0.0)
+    return float(np.sqrt(along_2 + (np.sqrt(e**2 + beside_2) - e) ** 2))
 
 
 def _orbit_values(orbit: Orbit) -> dict[str, Any]:
