@@ -293,6 +293,17 @@ def test_stations_are_read_in_the_forms_that_others_write(text: str, tmp_path: P
         ("4171 AA -33.9 70.7W 10\n", (-33.9, -70.7)),
         ("4171 AA 33.9 S 70.7 W 10\n", (-33.9, -70.7)),
         ("4171 AA -33.9 289.3 10\n", (-33.9, 289.3)),
+        ("4171 AA 52 48 00 N 006 24 00 E 10 Obs\n", (52.8, 6.4)),
+        ("4171 AA 52 48.0 N 6 24.0 W 10 Obs\n", (52.8, -6.4)),
+        ("4171 AA N 52 48 00 W 006 24 00 10 Obs\n", (52.8, -6.4)),
+        ("4171 AA 52:48:00 -6:24:00 10 Obs\n", (52.8, -6.4)),
+        ("No,Code,Lat,Lon(W),Elev\n4171,AA,52.8,6.4,10\n", (52.8, -6.4)),
+        ("Station\tLatitude\tLongitude (W)\tHeight\n4171\t52.8\t-6.4\t10\n", (52.8, 6.4)),
+        ("No ID Latitude WestLongitude Elev\n4171 AA 52.8 6.4 10\n", (52.8, -6.4)),
+        ("Station West longitude Latitude Height\n4171 6.4 52.8 10\n", (52.8, -6.4)),
+        ("No,Lat,Lon (W is negative),Elev\n4171,52.8,6.4,10\n", (52.8, 6.4)),
+        ("No ID Lon (deg) Lat (deg) Elev\n4171 AA 6.4 52.8 10\n", (52.8, 6.4)),
+        ("Code Longitude Latitude Height WGS84\n4171 6.4 52.8 10\n", (52.8, 6.4)),
     ],
 )
 def test_hemispheres_have_their_signs(text: str, site: tuple[float, float], tmp_path: Path) -> None:
@@ -300,6 +311,48 @@ def test_hemispheres_have_their_signs(text: str, site: tuple[float, float], tmp_
     stations.write_text(text)
     read = read_lines(IOD, tmp_path, ReadOptions(stations=stations))
     assert (read.site.latitude_deg, read.site.longitude_deg) == site
+
+
+@pytest.mark.parametrize(
+    ("text", "height_m"),
+    [
+        ("No ID Lat Lon Alt_km\n4171 AA 52.8 6.4 0.010\n", 10.0),
+        ("No,Lat,Lon,Height (ft)\n4171,52.8,6.4,100\n", 30.48),
+        ("4171 AA 52.8 6.4 100ft\n", 30.48),
+    ],
+)
+def test_heights_have_their_units(text: str, height_m: float, tmp_path: Path) -> None:
+    stations = tmp_path / "stations.txt"
+    stations.write_text(text)
+    read = read_lines(IOD, tmp_path, ReadOptions(stations=stations))
+    assert read.site.elevation_m == pytest.approx(height_m)
+
+
+def test_parallax_constants_are_a_place(tmp_path: Path) -> None:
+    stations = tmp_path / "stations.txt"
+    row = "{} 289.5959  0.909943-0.414336 Paranal\n"
+    stations.write_text("Code  Long.   cos      sin    Name\n" + row.format("4171"))
+    site = read_lines(IOD, tmp_path, ReadOptions(stations=stations)).site
+    found = (site.latitude_deg, site.longitude_deg, site.elevation_m / 1e3)
+    assert found == pytest.approx((-24.627, -70.404, 2.64), abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("4171 AA 52 48 00 6 24 00 10 Obs\n", "minutes in fields of their own"),
+        ("No ID Lat Lon Elev\n4171 AA 52 48 6 24 10\n", "minutes in fields of their own"),
+        ("4171 0.1542 0.62992 +0.77411 Crowborough\n", "parallax constants"),
+        ("Code Long Elev\n4171 6.4 52.8 10\n", "the heading has no column of latitude"),
+        ("No,Lat_deg,Lat_min,Lon\n4171,52,48,6.4\n", "the heading has 2 columns of latitude"),
+        ("No,Lat (rad),Lon (rad)\n4171,0.9,0.1\n", "geodetic degrees"),
+    ],
+)
+def test_a_place_in_doubt_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    stations = tmp_path / "stations.txt"
+    stations.write_text(text)
+    with pytest.raises(ExportError, match=words):
+        read_lines(IOD, tmp_path, ReadOptions(stations=stations))
 
 
 @pytest.mark.parametrize(
