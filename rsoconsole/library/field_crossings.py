@@ -105,7 +105,10 @@ def crossings(
     found = sorted(
         (each for some in parts for each in some.crossings), key=lambda each: each.enter.t_utc_ns
     )
-    not_used = [*sets.not_used, *(each for some in parts for each in some.lost)]
+    not_used = [
+        *sets.not_used,
+        *(each.unused for some in parts for each in some.lost if each.is_always),
+    ]
     table = QTable(meta={"not_used": tuple(each.words for each in not_used)})
     table["norad_id"] = np.array([each.norad_id for each in found], np.int64)
     table["name"] = np.array([each.name for each in found], str)
