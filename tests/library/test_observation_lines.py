@@ -1,5 +1,6 @@
 """Observations of others line by line: one that cannot be read costs itself, and is named."""
 
+import gzip
 import json
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ IOD = [
     f"23908 96 029C   4171 E 2020031619{20 + n}05771 17 25 12{10 + n}033+2605{n}0 37 S"
     for n in range(5)
 ]
+LATER = [each.replace("0316192", "0316193") for each in IOD]
 UK = [f"9701201201803101520{19 + n}5542  01   121720{n}8  +1558{n}   1  5" for n in range(4)]
 TABLE = ["time,ra_deg,dec_deg", *(f"2023-06-22T03:0{n}:00,{10 + n},5" for n in range(5))]
 TWO_ARCSEC = 2.0
@@ -106,13 +108,75 @@ def test_half_a_pair_and_ranges_are_counted(tmp_path: Path) -> None:
     )
 
 
+def test_a_message_that_is_cut_off_gives_its_whole_epochs(tmp_path: Path) -> None:
+    whole = WHOLE[: WHOLE.rindex("ANGLE_2") + 35]
+    path = tmp_path / "cut.tdm"
+    path.write_text(whole)
+    ((read,),) = read_observations(path, ASK)
+    assert len(read.seen) == WHOLE.count("ANGLE_2 =") - 1
+    assert "ends before DATA_STOP" in read.not_used[0]
+
+
+def test_an_epoch_without_a_number_counts_once_and_magnitudes_not_at_all(tmp_path: Path) -> None:
+    more = "ANGLE_1 = 2023-06-23T05:33:05 313.5\nANGLE_2 = 2023-06-23T05:33:05 NaN\n"
+    text = WHOLE.replace("DATA_STOP", f"{more}MAG = 2023-06-23T05:33:05 9.5\nDATA_STOP")
+    (named,) = read_lines(text.splitlines(), tmp_path).not_used
+    assert "ANGLE_2 'NaN' is no number" in named
+
+
+def test_a_line_that_is_there_twice_counts_once(tmp_path: Path) -> None:
+    read = read_lines([*IOD, IOD[1]], tmp_path)
+    assert len(read.seen) == len(IOD)
+    path = tmp_path / "lines.txt"
+    assert read.not_used == (f"{path}, line 6: the same observation as {path}, line 2",)
+
+
+def test_iod_and_uk_lines_of_one_object_are_of_one_object(tmp_path: Path) -> None:
+    uk = [each.replace("9701201", "9602903") for each in UK]
+    path = tmp_path / "both.txt"
+    path.write_text("\n".join([*IOD, *uk]))
+    found = read_observations(path, ASK)
+    assert sum(len(each.seen) for (each,) in found) == len(IOD) + len(UK)
+
+
+def test_a_table_without_rows_says_so(tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match="no row is below its heading"):
+        read_lines(TABLE[:1], tmp_path)
+
+
+def test_a_bad_row_of_our_json_costs_itself(tmp_path: Path) -> None:
+    rows = [[f"2023-06-22T03:0{n}:00Z", 10.0 + n, 5.0] for n in range(5)]
+    path = tmp_path / "ours.json"
+    site = {"lat_deg": 52.0, "lon_deg": 6.0, "alt_m": 10.0}
+    path.write_text(json.dumps({"site": site, "obs": [*rows, rows[-1], ["soon", 1.0, 2.0]]}))
+    ((read,),) = read_observations(path, ASK)
+    assert len(read.seen) == 5
+    assert [each.split(": ")[0] for each in read.not_used] == [
+        f"{path}, observation 6",
+        f"{path}, observation 7",
+    ]
+
+
+def test_a_packed_file_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "lines.txt.gz"
+    path.write_bytes(gzip.compress("\n".join(IOD).encode()))
+    ((read,),) = read_observations(path, ASK)
+    assert len(read.seen) == len(IOD)
+
+
+def test_the_columns_that_are_wrong_are_named_and_a_blank_error_is_none(tmp_path: Path) -> None:
+    lines = [each.replace(" 17 25", "    25") for each in IOD]
+    assert len(read_lines(lines, tmp_path).seen) == len(IOD)
+    expect_used([*IOD, LATER[0].replace(" 25 ", " 85 ")], 6, "columns 45-46: '85'", tmp_path)
+
+
 def said(*words: object) -> Any:
     return CliRunner().invoke(app, [str(each) for each in words])
 
 
 def test_what_is_not_used_is_in_text_and_json(tmp_path: Path) -> None:
     path = tmp_path / "mail.txt"
-    path.write_text("\n".join(["Hello all,", *IOD[:2], IOD[2].replace("+", " "), *IOD[3:], *IOD]))
+    path.write_text("\n".join(["Hello all,", *IOD[:2], IOD[2].replace("+", " "), *IOD[3:], *LATER]))
     words = ("orbit", path, "--site", "52.8,6.4,10")
     text = said(*words)
     assert text.exit_code == 0, text.output

@@ -36,14 +36,15 @@ class LostObject:
 
     @property
     def words(self) -> str:
-        """Object, since when, and why, in one sentence."""
+        """Object, when it has no place, and why, in one sentence."""
         if self.is_always:
             return self.unused.words
         start, end = (
             utc_text(each, "dated minute") for each in (self.from_utc_ns, self.until_utc_ns)
         )
         name = catalogued_name(self.name, self.norad_id)
-        return f"{name}: no place from {start} to {end}: {self.reason}"
+        part = f"no place in {100.0 * self.share:.0f} % of the time"
+        return f"{name}: {part}, from {start} to {end}: {self.reason}"
 
 
 def lost_objects(

@@ -156,8 +156,8 @@ def night_passes(
 
     ``span_utc_ns``: (start, end) within which passes are searched. ``is_low_only``: True for low
     orbits only; else an object that never sets has one pass, the whole span. The element set
-    nearest in epoch is used. Objects for which SGP4 has no place in a part of the span (decayed, old
-    elements) have the passes of the rest.
+    nearest in epoch is used. Objects for which SGP4 has no place in a part of the span
+    (decayed, old elements) have the passes of the rest.
     """
     nearest = nearest_epoch_entries(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
