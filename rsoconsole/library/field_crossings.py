@@ -107,7 +107,7 @@ def crossings(
         (each for some in parts for each in some.crossings), key=lambda each: each.enter.t_utc_ns
     )
     lost = [each for some in parts for each in some.lost]
-    not_used = [*sets.not_used, *(each for each in lost if each.is_always)]
+    not_used = [*sets.not_used, *(each.unused for each in lost if each.is_always)]
     table = QTable(
         meta={
             "not_used": tuple(each.words for each in not_used),

@@ -109,12 +109,14 @@ def test_half_a_pair_and_ranges_are_counted(tmp_path: Path) -> None:
 
 
 def test_a_message_that_is_cut_off_gives_its_whole_epochs(tmp_path: Path) -> None:
-    whole = WHOLE[: WHOLE.rindex("ANGLE_2") + 35]
+    clock = "2023-06-23T05:3{}:05"
+    more = [f"ANGLE_{k} = {clock.format(n)} {10 + n}.5" for n in (5, 6, 7) for k in (1, 2)]
     path = tmp_path / "cut.tdm"
-    path.write_text(whole)
+    path.write_text((WHOLE[: WHOLE.index("DATA_STOP")] + "\n".join(more))[:-3])
     ((read,),) = read_observations(path, ASK)
-    assert len(read.seen) == WHOLE.count("ANGLE_2 =") - 1
+    assert len(read.seen) == WHOLE.count("ANGLE_2 =") + 2
     assert "ends before DATA_STOP" in read.not_used[0]
+    assert "1 epoch or line without both angles" in read.not_used[1]
 
 
 def test_an_epoch_without_a_number_counts_once_and_magnitudes_not_at_all(tmp_path: Path) -> None:

@@ -164,8 +164,8 @@ def _of_lines(text: str, name: str) -> ReadRows:
         raise ExportError((reports or faults or [f"{name} holds no observations: {_READ}"])[0])
     numbers = {each.cospar: each.norad_id for each, _, _ in found if each.norad_id is not None}
     found = [
-        (replace(each, norad_id=numbers.get(each.cospar, each.norad_id)), *rest)
-        for each, *rest in found
+        (replace(each, norad_id=numbers.get(each.cospar, each.norad_id)), where, site)
+        for each, where, site in found
     ]
     first, second = _directions([each for each, _, _ in found])
     rows = tuple(

@@ -222,7 +222,8 @@ def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Obser
     rows = read.get("obs")
     if not isinstance(rows, list) or not rows:
         raise OrbitError(f"{path} holds no observations: it must be {_SHAPE}")
-    parsed, faults = [], []
+    parsed: list[tuple[int, float, float, float, float]] = []
+    faults: list[str] = []
     for number, row in enumerate(rows, start=1):
         where = f"{path}, observation {number}"
         try:
