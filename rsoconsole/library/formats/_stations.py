@@ -82,6 +82,8 @@ def read_stations(path: Path, text: str) -> Stations:
         fields = _fields(stripped)
         if (named := _heading(fields)) is not None:
             heading = named if named.columns else heading
+            if named.fault and any(character.isdigit() for character in stripped):
+                faults.append(f"{path}, line {number}: {named.fault}")
             continue
         try:
             station, site = _station(fields, heading)
