@@ -65,7 +65,8 @@ def crossings(
     that age, without a manoeuvre.
 
     ``meta["not_used"]``: a sentence on each element set that cannot be read, and on each object
-    for which SGP4 has no place in all of the time.
+    for which SGP4 has a place at no time. ``meta["placed_in_part"]``: a sentence on each object
+    that has one in a part of the time only.
 
     Raises OrbitError for element sets that cannot be read or are missing, InputError for a value
     out of range.
@@ -105,8 +106,14 @@ def crossings(
     found = sorted(
         (each for some in parts for each in some.crossings), key=lambda each: each.enter.t_utc_ns
     )
-    not_used = [*sets.not_used, *(each for some in parts for each in some.lost)]
-    table = QTable(meta={"not_used": tuple(each.words for each in not_used)})
+    lost = [each for some in parts for each in some.lost]
+    not_used = [*sets.not_used, *(each.unused for each in lost if each.is_always)]
+    table = QTable(
+        meta={
+            "not_used": tuple(each.words for each in not_used),
+            "placed_in_part": tuple(each.words for each in lost if not each.is_always),
+        }
+    )
     table["norad_id"] = np.array([each.norad_id for each in found], np.int64)
     table["name"] = np.array([each.name for each in found], str)
     ends: dict[str, list[FieldPoint]] = {

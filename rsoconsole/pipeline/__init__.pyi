@@ -173,6 +173,7 @@ from .visibility.crossings import RoundField as RoundField
 from .visibility.crossings import field_crossings as field_crossings
 from .visibility.hours_ahead import SkyOutlook as SkyOutlook
 from .visibility.hours_ahead import sky_outlook as sky_outlook
+from .visibility.lost_objects import LostObject as LostObject
 from .visibility.passes import NightPass as NightPass
 from .visibility.passes import VisibleSatellite as VisibleSatellite
 from .visibility.passes import night_passes as night_passes

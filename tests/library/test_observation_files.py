@@ -215,7 +215,7 @@ def test_a_uk_line_says_what_its_columns_say() -> None:
 @needs_samples
 def test_files_of_others_lead_to_an_object_or_to_a_sentence_that_says_what_to_do() -> None:
     mixed = IOD / "IOD_data_compliant.txt"
-    assert "holds 3 objects: 12345" in said("orbit", mixed)
+    assert "holds 3 objects: 23794 (16), 12345 (16)" in said("orbit", mixed)
     assert "say which with --object" in said("identify", mixed, "--tle", mixed)
     assert "station 2701 stands: --site" in said("orbit", mixed, "--object", "90019")
     assert "no object '5'" in said("orbit", mixed, "--object", "5")
@@ -296,7 +296,7 @@ def test_columns_are_known_by_name_in_any_order_and_separator(tmp_path: Path) ->
         ("ra_deg,dec_deg\n10,5\n", "a column of times"),
         ("time,ra_deg,dec_deg,sigma_arcsec\n2023-06-22T03:00:00,10,5,-1\n", "must be above 0"),
         ("time,ra_deg,dec_deg,lat_deg,lon_deg\n2023-06-22T03:00:00,10,5,99,0\n", "no place"),
-        ("a word of greeting\n", "does not keep the columns"),
+        ("a word of greeting\n", "is none of what is read: TDM, IOD or UK lines"),
         ("\n", "TDM, IOD or UK lines"),
     ],
 )

@@ -1,5 +1,6 @@
 """Observations of others line by line: one that cannot be read costs itself, and is named."""
 
+import gzip
 import json
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ IOD = [
     f"23908 96 029C   4171 E 2020031619{20 + n}05771 17 25 12{10 + n}033+2605{n}0 37 S"
     for n in range(5)
 ]
+LATER = [each.replace("0316192", "0316193") for each in IOD]
 UK = [f"9701201201803101520{19 + n}5542  01   121720{n}8  +1558{n}   1  5" for n in range(4)]
 TABLE = ["time,ra_deg,dec_deg", *(f"2023-06-22T03:0{n}:00,{10 + n},5" for n in range(5))]
 TWO_ARCSEC = 2.0
@@ -106,13 +108,77 @@ def test_half_a_pair_and_ranges_are_counted(tmp_path: Path) -> None:
     )
 
 
+def test_a_message_that_is_cut_off_gives_its_whole_epochs(tmp_path: Path) -> None:
+    clock = "2023-06-23T05:3{}:05"
+    more = [f"ANGLE_{k} = {clock.format(n)} {10 + n}.5" for n in (5, 6, 7) for k in (1, 2)]
+    path = tmp_path / "cut.tdm"
+    path.write_text((WHOLE[: WHOLE.index("DATA_STOP")] + "\n".join(more))[:-3])
+    ((read,),) = read_observations(path, ASK)
+    assert len(read.seen) == WHOLE.count("ANGLE_2 =") + 2
+    assert "ends before DATA_STOP" in read.not_used[0]
+    assert "1 epoch or line without both angles" in read.not_used[1]
+
+
+def test_an_epoch_without_a_number_counts_once_and_magnitudes_not_at_all(tmp_path: Path) -> None:
+    more = "ANGLE_1 = 2023-06-23T05:33:05 313.5\nANGLE_2 = 2023-06-23T05:33:05 NaN\n"
+    text = WHOLE.replace("DATA_STOP", f"{more}MAG = 2023-06-23T05:33:05 9.5\nDATA_STOP")
+    (named,) = read_lines(text.splitlines(), tmp_path).not_used
+    assert "ANGLE_2 'NaN' is no number" in named
+
+
+def test_a_line_that_is_there_twice_counts_once(tmp_path: Path) -> None:
+    read = read_lines([*IOD, IOD[1]], tmp_path)
+    assert len(read.seen) == len(IOD)
+    path = tmp_path / "lines.txt"
+    assert read.not_used == (f"{path}, line 6: the same observation as {path}, line 2",)
+
+
+def test_iod_and_uk_lines_of_one_object_are_of_one_object(tmp_path: Path) -> None:
+    uk = [each.replace("9701201", "9602903") for each in UK]
+    path = tmp_path / "both.txt"
+    path.write_text("\n".join([*IOD, *uk]))
+    found = read_observations(path, ASK)
+    assert sum(len(each.seen) for (each,) in found) == len(IOD) + len(UK)
+
+
+def test_a_table_without_rows_says_so(tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match="no row is below its heading"):
+        read_lines(TABLE[:1], tmp_path)
+
+
+def test_a_bad_row_of_our_json_costs_itself(tmp_path: Path) -> None:
+    rows = [[f"2023-06-22T03:0{n}:00Z", 10.0 + n, 5.0] for n in range(5)]
+    path = tmp_path / "ours.json"
+    site = {"lat_deg": 52.0, "lon_deg": 6.0, "alt_m": 10.0}
+    path.write_text(json.dumps({"site": site, "obs": [*rows, rows[-1], ["soon", 1.0, 2.0]]}))
+    ((read,),) = read_observations(path, ASK)
+    assert len(read.seen) == 5
+    assert [each.split(": ")[0] for each in read.not_used] == [
+        f"{path}, observation 6",
+        f"{path}, observation 7",
+    ]
+
+
+def test_a_packed_file_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "lines.txt.gz"
+    path.write_bytes(gzip.compress("\n".join(IOD).encode()))
+    ((read,),) = read_observations(path, ASK)
+    assert len(read.seen) == len(IOD)
+
+
+def test_the_columns_that_are_wrong_are_named_and_a_blank_error_is_none(tmp_path: Path) -> None:
+    lines = [each.replace(" 17 25", "    25") for each in IOD]
+    assert len(read_lines(lines, tmp_path).seen) == len(IOD)
+    expect_used([*IOD, LATER[0].replace(" 25 ", " 85 ")], 6, "columns 45-46: '85'", tmp_path)
+
+
 def said(*words: object) -> Any:
     return CliRunner().invoke(app, [str(each) for each in words])
 
 
 def test_what_is_not_used_is_in_text_and_json(tmp_path: Path) -> None:
     path = tmp_path / "mail.txt"
-    path.write_text("\n".join(["Hello all,", *IOD[:2], IOD[2].replace("+", " "), *IOD[3:], *IOD]))
+    path.write_text("\n".join(["Hello all,", *IOD[:2], IOD[2].replace("+", " "), *IOD[3:], *LATER]))
     words = ("orbit", path, "--site", "52.8,6.4,10")
     text = said(*words)
     assert text.exit_code == 0, text.output
@@ -293,6 +359,17 @@ def test_stations_are_read_in_the_forms_that_others_write(text: str, tmp_path: P
         ("4171 AA -33.9 70.7W 10\n", (-33.9, -70.7)),
         ("4171 AA 33.9 S 70.7 W 10\n", (-33.9, -70.7)),
         ("4171 AA -33.9 289.3 10\n", (-33.9, 289.3)),
+        ("4171 AA 52 48 00 N 006 24 00 E 10 Obs\n", (52.8, 6.4)),
+        ("4171 AA 52 48.0 N 6 24.0 W 10 Obs\n", (52.8, -6.4)),
+        ("4171 AA N 52 48 00 W 006 24 00 10 Obs\n", (52.8, -6.4)),
+        ("4171 AA 52:48:00 -6:24:00 10 Obs\n", (52.8, -6.4)),
+        ("No,Code,Lat,Lon(W),Elev\n4171,AA,52.8,6.4,10\n", (52.8, -6.4)),
+        ("Station\tLatitude\tLongitude (W)\tHeight\n4171\t52.8\t-6.4\t10\n", (52.8, 6.4)),
+        ("No ID Latitude WestLongitude Elev\n4171 AA 52.8 6.4 10\n", (52.8, -6.4)),
+        ("Station West longitude Latitude Height\n4171 6.4 52.8 10\n", (52.8, -6.4)),
+        ("No,Lat,Lon (W is negative),Elev\n4171,52.8,6.4,10\n", (52.8, 6.4)),
+        ("No ID Lon (deg) Lat (deg) Elev\n4171 AA 6.4 52.8 10\n", (52.8, 6.4)),
+        ("Code Longitude Latitude Height WGS84\n4171 6.4 52.8 10\n", (52.8, 6.4)),
     ],
 )
 def test_hemispheres_have_their_signs(text: str, site: tuple[float, float], tmp_path: Path) -> None:
@@ -300,6 +377,48 @@ def test_hemispheres_have_their_signs(text: str, site: tuple[float, float], tmp_
     stations.write_text(text)
     read = read_lines(IOD, tmp_path, ReadOptions(stations=stations))
     assert (read.site.latitude_deg, read.site.longitude_deg) == site
+
+
+@pytest.mark.parametrize(
+    ("text", "height_m"),
+    [
+        ("No ID Lat Lon Alt_km\n4171 AA 52.8 6.4 0.010\n", 10.0),
+        ("No,Lat,Lon,Height (ft)\n4171,52.8,6.4,100\n", 30.48),
+        ("4171 AA 52.8 6.4 100ft\n", 30.48),
+    ],
+)
+def test_heights_have_their_units(text: str, height_m: float, tmp_path: Path) -> None:
+    stations = tmp_path / "stations.txt"
+    stations.write_text(text)
+    read = read_lines(IOD, tmp_path, ReadOptions(stations=stations))
+    assert read.site.elevation_m == pytest.approx(height_m)
+
+
+def test_parallax_constants_are_a_place(tmp_path: Path) -> None:
+    stations = tmp_path / "stations.txt"
+    row = "{} 289.5959  0.909943-0.414336 Paranal\n"
+    stations.write_text("Code  Long.   cos      sin    Name\n" + row.format("4171"))
+    site = read_lines(IOD, tmp_path, ReadOptions(stations=stations)).site
+    found = (site.latitude_deg, site.longitude_deg, site.elevation_m / 1e3)
+    assert found == pytest.approx((-24.627, -70.404, 2.64), abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("4171 AA 52 48 00 6 24 00 10 Obs\n", "minutes in fields of their own"),
+        ("No ID Lat Lon Elev\n4171 AA 52 48 6 24 10\n", "minutes in fields of their own"),
+        ("4171 0.1542 0.62992 +0.77411 Crowborough\n", "parallax constants"),
+        ("Code Long Elev\n4171 6.4 52.8 10\n", "the heading has no column of latitude"),
+        ("No,Lat_deg,Lat_min,Lon\n4171,52,48,6.4\n", "the heading has 2 columns of latitude"),
+        ("No,Lat (rad),Lon (rad)\n4171,0.9,0.1\n", "geodetic degrees"),
+    ],
+)
+def test_a_place_in_doubt_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    stations = tmp_path / "stations.txt"
+    stations.write_text(text)
+    with pytest.raises(ExportError, match=words):
+        read_lines(IOD, tmp_path, ReadOptions(stations=stations))
 
 
 @pytest.mark.parametrize(

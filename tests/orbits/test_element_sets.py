@@ -3,6 +3,7 @@
 import gzip
 import json
 import re
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -307,6 +308,9 @@ def test_fields_of_omm_as_publishers_write_them(
         ({"MEAN_ANOMALY": True}, "MEAN_ANOMALY is 'True', not a number"),
         ({"MEAN_ANOMALY": {"value": 3}}, "MEAN_ANOMALY"),
         ({"NORAD_CAT_ID": 25544.5}, "not a catalogue number"),
+        ({"REF_FRAME": "EME2000"}, "REF_FRAME is EME2000; only TEME can be used"),
+        ({"CENTER_NAME": "MARS"}, "CENTER_NAME is MARS; only EARTH"),
+        ({"MEAN_ELEMENT_THEORY": "DSST"}, "only SGP4 can be used"),
         ({"EPHEMERIS_TYPE": 4}, "EPHEMERIS_TYPE is 4, not of SGP4"),
         ({"MEAN_MOTION": 17.5, "ECCENTRICITY": 0.9}, "SGP4 has no place for it"),
     ],
@@ -330,7 +334,10 @@ def test_a_value_that_no_orbit_has_costs_its_message_alone(
         ('"rate limit"', "but: rate limit"),
         ("<!DOCTYPE html><html><title>403\n Forbidden</title></html>", "but: 403 Forbidden"),
         ("<html><body><h1>Too &lt;many</h1> requests</body></html>", "but: Too <many"),
-        ("<?xml version='1.0'?><error>none</error>", "but: a web page"),
+        ("<?xml version='1.0'?><error>none</error>", "but: none"),
+        ("<Error><Code>SlowDown</Code><Message>Wait.</Message></Error>", "but: SlowDown Wait."),
+        ("2 requests within a minute were counted from you: wait", "but: 2 requests within"),
+        ("CCSDS_OPM_VERS = 2.0\nEPOCH = 2024-01-01T00:00:00\n", "it is an OPM, not an OMM"),
         ("x" * 5000, "x" * 199 + "…"),
         ("", "it is empty"),
         ("[]", "two lines (TLE) or OMM are needed"),
@@ -342,3 +349,71 @@ def test_what_a_server_says_in_place_of_elements_is_quoted(text: str | bytes, wo
     assert words in said
     assert "fetch it again" not in said
     assert "\n" not in said
+
+
+TABLE = ",".join(message()) + "\n" + ",".join(map(str, message().values())) + "\n"
+XML_SET = written("xml")[written("xml").index("<omm") :]
+DAMAGED = {
+    "json": json.dumps(message(43)).replace("15.", "bad 15."),
+    "kvn": written("kvn").replace("INCLINATION =", "INCLINATION :").replace("25544", "43"),
+    "xml": XML_SET.replace("<ECCENTRICITY>", "<ECCENTRICITY").replace("25544", "43"),
+    "csv": TABLE.split("\n")[1].replace("25544", "43").rpartition(",")[0],
+}
+GOOD = {"json": json.dumps(message()), "kvn": written("kvn"), "xml": XML_SET, "csv": TABLE}
+
+
+@pytest.mark.parametrize("form", GOOD)
+def test_a_set_that_cannot_be_parsed_is_named_by_its_number(form: str) -> None:
+    found = parse_element_sets(f"{GOOD[form]}\n{DAMAGED[form]}\n", "f")
+    assert [each.norad_id for each in found.entries] == [25544]
+    assert [each.norad_id for each in found.not_used] == [43]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        json.dumps([{"name": NAME, "line1": LINE_1, "line2": LINE_2}]),
+        json.dumps([{"tle0": f"0 {NAME}", "tle1": LINE_1, "tle2": LINE_2, "norad_cat_id": 53577}]),
+        f"name,line1,line2\n{NAME},{LINE_1},{LINE_2}\n",
+        "".join(f"> {each}\n" for each in lines().splitlines()),
+    ],
+    ids=["json", "satnogs", "csv", "quoted"],
+)
+def test_two_lines_are_read_wherever_they_stand(text: str) -> None:
+    found = one(text)
+    assert (found.name, found.norad_id) == (NAME, 53577)
+
+
+@pytest.mark.parametrize("before", ["sep=,\n", "# from there\n\n", '"sep=,"\n'])
+def test_lines_before_a_table_are_passed_over(before: str) -> None:
+    assert one(before + TABLE).norad_id == 25544
+
+
+def test_a_long_name_is_a_name() -> None:
+    assert one(lines(name="LONG " * 20)).name == ("LONG " * 12)
+
+
+def test_a_commented_set_does_not_count() -> None:
+    text = XML_SET + f"<!-- {XML_SET} -->" + XML_SET
+    assert len(parse_element_sets(text, "f").entries) == 2
+
+
+def test_a_key_that_stands_twice_is_refused() -> None:
+    twice = json.dumps(message(43)).replace('"BSTAR"', '"BSTAR": 0.5, "BSTAR"', 1)
+    (bad,) = parse_element_sets(json.dumps(message()) + twice, "f").not_used
+    assert (bad.norad_id, bad.reason) == (43, "BSTAR stands twice")
+
+
+def test_a_message_that_is_cut_off_counts_once() -> None:
+    whole = written("kvn")
+    found = parse_element_sets(whole + whole[: whole.index("ARG_OF_PERI") + 8], "f")
+    assert (len(found.entries), len(found.not_used)) == (1, 1)
+
+
+def test_many_faults_of_json_take_no_longer_each() -> None:
+    bare = json.dumps(message(ECCENTRICITY=0.025)).replace("0.025", ".025")
+    began = time.perf_counter()
+    assert len(parse_element_sets(f"[{','.join([bare] * 3000)}]", "f").entries) == 3000
+    assert "and 2,997 more" in refusal("[" + ",".join(['{"EPOCH": bad}'] * 3000) + "]")
+    assert "and 1 more" not in refusal('[{"EPOCH": 1},' + "{" * 200_000)
+    assert time.perf_counter() - began < 5.0

@@ -21,7 +21,7 @@ from rsoconsole.orbits import CatalogueEntry, object_places, parse_element_sets
 from rsoconsole.pipeline import FieldCrossing, FieldPoint, RoundField, field_crossings
 from rsoconsole.records import Site
 from rsoconsole.sky import iso_to_utc_ns
-from rsoconsole.words import NS_PER_S
+from rsoconsole.words import NS_PER_S, utc_ns_to_iso
 from tests.console.test_up_now import LOW, with_checksums
 from tests.orbits.test_places import skyfield_timescale
 from tests.pages.json_page import expect_documented
@@ -247,5 +247,12 @@ def test_objects_without_a_place_are_named() -> None:
     falls = with_checksums(LOW.replace(" 18000-3 ", " 99999+1 ").replace("25544", "25545"))
     entries = parse_element_sets(falls + "\n" + with_checksums(LOW)).entries
     field = RoundField(site=SITES[0], ra_icrs_deg=10.0, dec_icrs_deg=0.0, diameter_deg=1.0)
-    lost = [each.norad_id for some in field_crossings(entries, field, SPAN) for each in some.lost]
-    assert lost == [25545]
+    (lost,) = (each for some in field_crossings(entries, field, SPAN) for each in some.lost)
+    assert lost.norad_id == 25545
+    # It falls within the hours: that is not an element set that cannot be used.
+    assert not lost.is_always
+    assert SPAN[0] <= lost.from_utc_ns < lost.until_utc_ns <= SPAN[1]
+    assert f"% of the time, from {utc_ns_to_iso(lost.from_utc_ns)[:10]}" in lost.words
+    after = (lost.until_utc_ns - 600 * NS_PER_S, SPAN[1])
+    (always,) = (each for some in field_crossings(entries, field, after) for each in some.lost)
+    assert always.is_always

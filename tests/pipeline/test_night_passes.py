@@ -239,7 +239,7 @@ def test_an_object_without_a_place_is_named_and_not_said_to_stay_below(
     assert "no object can be propagated there: COMES DOWN (25546): SGP4 has no place" in said
     listed, said = both("--tle", str(path), "--tle", str(elements), *when)
     assert "ISS (ZARYA)" in listed
-    assert "1 object without a place in all of the time: COMES DOWN (25546)" in said
+    assert "1 object with a place at no time: COMES DOWN (25546)" in said
     words = both("--tle", str(path), "--tle", str(elements), *when, "--json")[0].splitlines()
     (lost,) = json.loads(words[-1])["not_used"]
     assert lost["norad_id"] == 25546

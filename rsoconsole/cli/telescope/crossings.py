@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.telescope.passes import night_span_asked, report_lost
+from rsoconsole.cli.telescope.passes import emit_not_used, night_span_asked, report_lost
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, read_element_sets
@@ -15,8 +15,8 @@ from rsoconsole.config import load_config
 from rsoconsole.words import NS_PER_S, utc_ns_to_iso, utc_text
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits import CatalogueEntry, ElementErrors, UnusedSet
-    from rsoconsole.pipeline import FieldCrossing, RoundField
+    from rsoconsole.orbits import CatalogueEntry, ElementErrors
+    from rsoconsole.pipeline import FieldCrossing, LostObject, RoundField
 
 _NAME_COLUMNS = 19
 HEADER = (
@@ -78,8 +78,7 @@ def crossings(
     if json_:
         for each in found:
             output.emit_json(crossing_report(each))
-        if not_used := [*sets.not_used, *lost]:
-            output.emit_json({"not_used": not_used})
+        emit_not_used(sets, lost)
         return
     begins, ends = (utc_text(span[0], "dated minute", ""), utc_text(span[1], "dated minute"))
     words = f"of {field:g}° about RA {ra_deg:.3f} Dec {dec_deg:+.3f} from {begins} to {ends}"
@@ -96,11 +95,11 @@ def _looked_for(
     field: "RoundField",
     span: tuple[int, int],
     errors: "ElementErrors",
-) -> "tuple[list[FieldCrossing], list[UnusedSet]]":
+) -> "tuple[list[FieldCrossing], list[LostObject]]":
     from rsoconsole.pipeline import field_crossings
 
     found: list[FieldCrossing] = []
-    lost: list[UnusedSet] = []
+    lost: list[LostObject] = []
     before = 0
     with progress_bar("objects", len(entries)) as bar:
         for some in field_crossings(entries, field, span, errors):

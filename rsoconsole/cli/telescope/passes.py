@@ -17,8 +17,8 @@ from rsoconsole.config import Config, load_config
 from rsoconsole.words import NS_PER_S, count_words, no_night_text, utc_ns_to_iso, utc_text
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits import CatalogueEntry, ElementSets, UnusedSet
-    from rsoconsole.pipeline import NightPass
+    from rsoconsole.orbits import CatalogueEntry, ElementSets
+    from rsoconsole.pipeline import LostObject, NightPass
 
 _NAME_COLUMNS = 19
 HEADER = (
@@ -68,8 +68,7 @@ def passes(
     if json_:
         for each in shown:
             output.emit_json(pass_report(each))
-        if not_used := [*sets.not_used, *lost]:
-            output.emit_json({"not_used": not_used})
+        emit_not_used(sets, lost)
         return
     start, end = (utc_text(span[0], "dated minute", ""), utc_text(span[1], "dated minute"))
     words = f"from {start} to {end}"
@@ -121,15 +120,15 @@ def night_span_asked(config: Config, at: str, hours: float | None, option: str) 
 
 def _looked_for(
     entries: "Sequence[CatalogueEntry]", config: Config, span: tuple[int, int], *, is_low_only: bool
-) -> "tuple[list[NightPass], list[UnusedSet]]":
-    """Passes, and the objects for which SGP4 has no place in all of the time.
+) -> "tuple[list[NightPass], list[LostObject]]":
+    """Passes, and the objects for which SGP4 has no place in all or a part of the time.
 
     Raises OrbitError where it has none for any.
     """
     from rsoconsole.pipeline import catalogue_errors, night_passes
 
     found: list[NightPass] = []
-    lost: list[UnusedSet] = []
+    lost: list[LostObject] = []
     before = 0
     with progress_bar("objects", len(entries)) as bar:
         for done, some, failed in night_passes(
@@ -149,21 +148,33 @@ def _looked_for(
 
 
 def report_lost(
-    lost: "Sequence[UnusedSet]", entries: "Sequence[CatalogueEntry]", *, is_all: bool
+    lost: "Sequence[LostObject]", entries: "Sequence[CatalogueEntry]", *, is_all: bool
 ) -> None:
-    """Say on stderr for which objects SGP4 has no place in all of the time.
+    """Say on stderr for which objects SGP4 has no place in all or a part of the time.
 
     ``is_all``: nothing was found of any other. Raises OrbitError where it then has one for none.
     """
     from rsoconsole.orbits import first_few
 
-    if not lost:
-        return
-    words = first_few([each.words for each in lost])
-    if is_all and len(lost) == len({each.norad_id for each in entries}):
-        raise OrbitError(f"no object can be propagated there: {words}")
-    count = count_words(len(lost), "object")
-    output.print_to_stderr(f"rsoconsole: {count} without a place in all of the time: {words}")
+    always = [each.words for each in lost if each.is_always]
+    if always and is_all and len(always) == len({each.norad_id for each in entries}):
+        raise OrbitError(f"no object can be propagated there: {first_few(always)}")
+    for when, words in (
+        ("at no time", always),
+        ("in a part of the time only", [each.words for each in lost if not each.is_always]),
+    ):
+        if words:
+            count = count_words(len(words), "object")
+            said = f"{count} with a place {when}: {first_few(words)}"
+            output.print_to_stderr(f"rsoconsole: {said}")
+
+
+def emit_not_used(sets: "ElementSets", lost: "Sequence[LostObject]") -> None:
+    """Print as JSON what has no place in all or a part of the time, where anything has none."""
+    not_used = [*sets.not_used, *(each.unused for each in lost if each.is_always)]
+    in_part = [each for each in lost if not each.is_always]
+    if not_used or in_part:
+        output.emit_json({"not_used": not_used, "placed_in_part": in_part})
 
 
 def _left_out_words(found: "Sequence[NightPass]", top: float) -> str:

@@ -24,7 +24,7 @@ _LINE = re.compile(
     (?P<date>\d{8})
     (?:(?P<short_time>\d{0,9})[ ]*$
        |(?=[\d ]{9}[ ])(?P<time>\d{0,9})[ ]*(?<=^.{41})
-        (?P<time_mx>\d{2})[ ]
+        (?P<time_mx>\d{2}|[ ]{2})[ ]
         (?:(?P<code>[1-7])(?P<epoch>[0-6 ])[ ]
            (?=[\d ]{7}[+-])(?P<first>\d{1,7})[ ]*
            (?P<sign>[+-])(?=[\d ]{6}(?:[ ]|$))(?P<second>\d{1,6})[ ]*(?<=^.{62})
@@ -78,7 +78,9 @@ def parse_iod_line(line: str) -> IodObservation:
     """Parse one IOD line. Raises ExportError for a line of another form."""
     match = _LINE.match(line.rstrip("\r\n"))
     if match is None:
-        raise ExportError(f"{line.strip()[:50]!r} does not keep the columns of an IOD line")
+        raise ExportError(
+            f"{line.strip()[:50]!r} does not keep the columns of an IOD line{_first_fault(line)}"
+        )
     found = match.groupdict()
     t_utc_ns, t_step_ns = _instant(found["date"], found["time"] or found["short_time"] or "")
     code = None if found["code"] is None else int(found["code"])
@@ -95,13 +97,37 @@ def parse_iod_line(line: str) -> IodObservation:
         station=found["station"],
         t_utc_ns=t_utc_ns,
         t_step_ns=t_step_ns,
-        time_sigma_s=None if found["time_mx"] is None else _mx(found["time_mx"]),
+        time_sigma_s=_mx(found["time_mx"]) if (found["time_mx"] or "").strip() else None,
         angle_format=code,
         epoch_year=EPOCHS.get(found["epoch"] or ""),
         first_deg=first,
         second_deg=second,
         position_sigma_arcsec=position,
     )
+
+
+_FIELDS = (
+    (24, 31, "the date", r"\d{8}"),
+    (1, 5, "a catalogue number", r"\d{5}| {5}"),
+    (7, 15, "a designation (yy nnnAAA)", r"\d\d \d{3}[A-Z]{1,3} *| {9}"),
+    (17, 20, "a station", r"[0-9A-HJ-NP-Z]{4}"),
+    (22, 22, "a condition of the sky", r"[EGFPBTCO ]"),
+    (32, 40, "a time (hhmmsssss)", r"\d* *"),
+    (42, 43, "an uncertainty of the time", r"\d{2}| *"),
+    (45, 46, "codes of angles and equinox", r"[1-7][0-6 ]| *"),
+    (48, 61, "two angles", r"\d+ *[+-]\d+ *| *"),
+    (63, 64, "an uncertainty of the place", r"\d{2}| *"),
+)
+"""Columns of a line from 1, what they hold, and its form; the first shows that it is a line."""
+
+
+def _first_fault(line: str) -> str:
+    """The first columns that are wrong, in words; empty for what has no date in its columns."""
+    for n, (first, last, what, form) in enumerate(_FIELDS):
+        text = line.rstrip("\r\n")[first - 1 : last]
+        if re.fullmatch(form, text, re.ASCII) is None:
+            return f": columns {first}-{last}: {text!r} is not {what}" if n else ""
+    return ""
 
 
 def full_year(two_digits: str) -> int:

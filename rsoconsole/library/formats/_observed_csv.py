@@ -116,7 +116,7 @@ def read_table(text: str, name: str) -> ReadRows:
         raise (
             faults[0]
             if faults
-            else ExportError(f"{name} holds no observations: {NEEDED} are needed")
+            else ExportError(f"{name} holds no observations: no row is below its heading")
         )
     columns = _Columns(list({key: None for _, values in records for key in values}), name)
     rows: list[ObservedRow] = []

@@ -27,10 +27,8 @@ def observed_rows_of_tdm(message: Tdm, name: str) -> ReadRows:
     faults: list[ExportError] = []
     for number, segment in enumerate(message.segments, start=1):
         where = f"{name}, segment {number}"
-        if segment.others:
-            lines = (
-                "1 epoch or line" if segment.others == 1 else f"{segment.others} epochs or lines"
-            )
+        if others := segment.others - segment.beside:
+            lines = "1 epoch or line" if others == 1 else f"{others} epochs or lines"
             not_used.append(f"{where}: {lines} without both angles")
         try:
             found.extend(_of_segment(segment, where))

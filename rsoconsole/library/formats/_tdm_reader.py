@@ -65,6 +65,11 @@ _DATA = {
     *_with_numbers("RECEIVE_FREQ", "TRANSMIT_FREQ", "TRANSMIT_FREQ_RATE"),
     *_with_numbers("RECEIVE_PHASE_CT", "TRANSMIT_PHASE_CT"),
 }
+_BESIDE = {
+    *("MAG", "RCS", "CARRIER_POWER", "PC_N0", "PR_N0", "PRESSURE", "RHUMIDITY", "TEMPERATURE"),
+    *("STEC", "TROPO_DRY", "TROPO_WET", "CLOCK_BIAS", "CLOCK_DRIFT"),
+}
+"""Data that say nothing on where an object is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +97,8 @@ class TdmSegment:
     """Epochs that have both angles, in the order of the file."""
     others: int
     """Number of data lines that are not part of ``angles``."""
+    beside: int = 0
+    """Number of those that say nothing on where the object is: magnitudes, weather."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +122,9 @@ def parse_tdm(text: str, name: str = "the message") -> Tdm:
     text = text.removeprefix("\ufeff")
     is_xml = text.lstrip().startswith("<")
     parser = _Parser(name=name, unit="element" if is_xml else "line")
-    lines = tdm_lines_from_xml(text.lstrip(), name) if is_xml else text.split("\n")
+    lines = list(tdm_lines_from_xml(text.lstrip(), name)) if is_xml else text.split("\n")
+    if not is_xml and lines[-1].strip() not in _SECTION_MARKS:
+        del lines[-1]  # cut off, or empty
     for number, line in enumerate(lines, start=1):
         stripped = line.strip()
         if stripped:
@@ -131,6 +140,9 @@ class _OpenSegment:
     halves: dict[int, dict[str, float]] = field(default_factory=dict)
     errors: dict[int, dict[str, float]] = field(default_factory=dict)
     others: int = 0
+    beside: int = 0
+    faulty: set[int] = field(default_factory=set)
+    """Epochs of angles that cannot be read, which are named line by line."""
 
     def closed(self) -> TdmSegment:
         pairs = {t: half for t, half in self.halves.items() if len(half) == 2}
@@ -146,7 +158,8 @@ class _OpenSegment:
                 )
                 for t, half in pairs.items()
             ),
-            others=self.others + len(self.halves) - len(pairs),
+            others=self.others + len(self.halves.keys() - pairs.keys() - self.faulty),
+            beside=self.beside,
         )
 
 
@@ -204,11 +217,13 @@ class _Parser:
 
     def finished(self) -> Tdm:
         self.number += 1
+        if self.section == "data":
+            self.faults.append(self.wrong("the message ends before DATA_STOP"))
+            self._enter_section("DATA_STOP", "between")
         if self.section != "between" or not self.segments:
             missing = {
                 "start": "CCSDS_TDM_VERS",
                 "metadata": "META_STOP",
-                "data": "DATA_STOP",
                 "meta read": "DATA_START",
             }
             raise self.wrong(f"the message ends before {missing.get(self.section, 'META_START')}")
@@ -273,9 +288,15 @@ class _Parser:
         parts = value.split()
         if len(parts) != 2:
             raise self.wrong(f"{keyword}: an epoch and one number belong there")
-        t_utc_ns, number = self._instant(parts[0]), self._value(keyword, parts[1])
+        t_utc_ns = self._instant(parts[0])
+        try:
+            number = self._value(keyword, parts[1])
+        except ExportError:
+            self.open.faulty.add(t_utc_ns)
+            raise
         if keyword not in {"ANGLE_1", "ANGLE_2"}:
             self.open.others += 1
+            self.open.beside += keyword in _BESIDE
             return
         half = self.open.halves.setdefault(t_utc_ns, {})
         if keyword in half:

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from rsoconsole.base import (
-    MAX_DATA_BYTES,
     ExportError,
     OrbitError,
     parse_json,
-    read_text_in_any_encoding,
+    read_named_bytes,
     value_errors_as,
 )
 from rsoconsole.library.formats._iod_reader import (
@@ -38,7 +37,7 @@ from rsoconsole.library.formats._observed_csv import (
 from rsoconsole.library.formats._observed_tdm import observed_rows_of_tdm
 from rsoconsole.library.formats._stations import Stations, read_stations
 from rsoconsole.library.formats._tdm_reader import parse_tdm
-from rsoconsole.orbits import reduce_directions
+from rsoconsole.orbits import element_text, reduce_directions
 from rsoconsole.pipeline import ObservedTrack, read_observed_tracks
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import IntArray, altaz_to_icrs, equinox_to_icrs, refraction_deg
@@ -97,8 +96,13 @@ def read_observations(
 
 
 def _text(path: Path) -> str:
-    with value_errors_as(OrbitError, f"{path} cannot be read: ", (OSError, ValueError)):
-        return read_text_in_any_encoding(path, most_bytes=MAX_DATA_BYTES)
+    """Text of a file, packed by gzip too."""
+    content = read_named_bytes(path, OrbitError, "name a file of observations or stations")
+    with value_errors_as(OrbitError, f"{path} cannot be read: ", (OrbitError,)):
+        text = element_text(content)
+    if "\0" in text:
+        raise OrbitError(f"{path} cannot be read: it is no text")
+    return text
 
 
 def parse_observations(text: str, path: Path) -> ReadRows | None:
@@ -123,6 +127,8 @@ _QUOTED = re.compile(r"^(?:> ?)+")
 """Marks of a quoted mail."""
 _RDE_LINE = re.compile(r"\d{7} \d{6}(?:\.\d+)? \d{6,8}[+-]\d{4,7} ", re.ASCII)
 _READ = "TDM, IOD or UK lines, CSV with named columns, and JSON are read"
+_DATED = re.compile(r"\d{8}", re.ASCII)
+"""Digits that every line of observations has."""
 _RDE = "RDE reports are not read: give IOD or UK lines, TDM or CSV"
 
 
@@ -153,7 +159,14 @@ def _of_lines(text: str, name: str) -> ReadRows:
         found.append((each, where, places.get(each.station)))
     if not found:
         reports = [each for each in faults if each.endswith(_RDE)]
+        if not reports and not _DATED.search(text):
+            raise ExportError(f"{name} is none of what is read: {_READ}")
         raise ExportError((reports or faults or [f"{name} holds no observations: {_READ}"])[0])
+    numbers = {each.cospar: each.norad_id for each, _, _ in found if each.norad_id is not None}
+    found = [
+        (replace(each, norad_id=numbers.get(each.cospar, each.norad_id)), where, site)
+        for each, where, site in found
+    ]
     first, second = _directions([each for each, _, _ in found])
     rows = tuple(
         _of_line(each, where, site, (float(first[n]), float(second[n])))
@@ -276,11 +289,16 @@ def _sound(read: ReadRows) -> ReadRows:
     """The rows that are directions with errors. Raises ExportError where none is."""
     sound: list[ObservedRow] = []
     faults: list[str] = []
+    known: dict[ObservedRow, str] = {}
     for each in read.rows:
         fault = _fault(each)
+        key = replace(each, where="")
         if fault:
             faults.append(f"{each.where}: {fault}")
+        elif key in known:
+            faults.append(f"{each.where}: the same observation as {known[key]}")
         else:
+            known[key] = each.where
             sound.append(replace(each, ra_icrs_deg=each.ra_icrs_deg % 360.0))
     if faults and not sound:
         raise ExportError(faults[0])

@@ -21,9 +21,10 @@ from rsoconsole.base import (
     plain_lines,
     text_in_any_encoding,
 )
-from rsoconsole.orbits.elements import omm_reader
+from rsoconsole.orbits.elements import omm_forms
 from rsoconsole.orbits.elements.catalogue import CatalogueEntry, entry_of_lines, failure_words
 from rsoconsole.orbits.elements.elements import ElementSet, UnusedSet, two_line_sets
+from rsoconsole.orbits.elements.omm_reader import entry_of_message
 
 MAX_SETS = 200_000
 """Largest number of element sets in one text: three times all ever catalogued."""
@@ -101,7 +102,10 @@ def _refused(entry: CatalogueEntry, source: str) -> UnusedSet:
     )
 
 
-_JSON_KEY = re.compile(r'"(?:NORAD_CAT_ID|MEAN_MOTION|EPOCH)"\s*:', re.IGNORECASE)
+_JSON_KEY = re.compile(
+    r'"(?:NORAD_CAT_ID|MEAN_MOTION|EPOCH|(?:TLE_LINE|TLE|LINE)1)"\s*:', re.IGNORECASE
+)
+_OTHER_MESSAGE = re.compile(r"CCSDS_(OPM|OEM|OCM|TDM|CDM|AEM|APM)_VERS|<(opm|oem|ocm|tdm|cdm)[\s>]")
 _XML_KEY = re.compile(r"<(?:[\w.-]+:)?(?:omm|NORAD_CAT_ID|MEAN_MOTION|EPOCH)\b[^>]*>")
 _KVN_KEY = re.compile(
     r"^[ \t]*(?:CCSDS_OMM_VERS|NORAD_CAT_ID|MEAN_MOTION|EPOCH)[ \t]*=", re.MULTILINE | re.IGNORECASE
@@ -111,25 +115,29 @@ _LINE_2 = re.compile(r"^[ \t]*2 ", re.MULTILINE)
 
 def _sets(text: str) -> Iterator[CatalogueEntry | UnusedSet]:
     """Yield the sets of a text in whatever form. Raises OrbitError where they are too many."""
-    head = text.lstrip().partition("\n")[0]
+    lines = (line for line in text.lstrip().split("\n") if line.strip())
+    head = next((line for line in lines if not omm_forms.is_before_table(line)), "")
+    keys = re.split("[,;\t]", head)
+    if (other := _OTHER_MESSAGE.search(text)) and "MEAN_MOTION" not in text:
+        raise OrbitError(f"it is an {(other[1] or other[2]).upper()}, not an OMM")
     if _JSON_KEY.search(text):
         _expect_fewer(sum(map(text.count, ('"NORAD_CAT_ID"', '"norad_cat_id"'))))
-        messages = omm_reader.json_messages(text.replace("\f", " "))
+        messages = omm_forms.json_messages(text.replace("\f", " "))
     elif _XML_KEY.search(text):
         _expect_fewer(text.count("NORAD_CAT_ID>") // 2)
-        messages = omm_reader.xml_messages(text)
-    elif omm_reader.has_keys_of_omm(re.split("[,;\t]", head), 2):
+        messages = omm_forms.xml_messages(text)
+    elif omm_forms.has_keys_of_omm(keys, 2) or omm_forms.has_two_lines(keys):
         _expect_fewer(text.strip().count("\n"))
-        messages = omm_reader.csv_messages(text)
+        messages = omm_forms.csv_messages(text)
     elif _KVN_KEY.search(text):
         _expect_fewer(sum(1 for _ in _KVN_KEY.finditer(text)) // 4)
-        messages = omm_reader.kvn_messages(text)
+        messages = omm_forms.kvn_messages(text)
     else:
         _expect_fewer(sum(1 for _ in _LINE_2.finditer(text)))
         yield from map(_of_two_lines, two_line_sets(text))
         return
     for place, fields in messages:
-        yield omm_reader.entry_of_message(place, fields)
+        yield entry_of_message(place, fields)
 
 
 def _of_two_lines(found: ElementSet | UnusedSet) -> CatalogueEntry | UnusedSet:
@@ -185,7 +193,7 @@ def _gunzipped(content: bytes) -> bytes:
 def _of_archive(content: bytes) -> bytes:
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            files = [each for each in archive.infolist() if not each.is_dir()]
+            files = [each for each in archive.infolist() if not _is_by_the_way(each)]
             if len(files) != 1:
                 raise OrbitError(f"its archive holds {len(files)} files, one is needed")
             with archive.open(files[0]) as stream:
@@ -201,6 +209,11 @@ def _of_archive(content: bytes) -> bytes:
         raise OrbitError(f"its archive is broken ({error})") from error
 
 
+def _is_by_the_way(file: zipfile.ZipInfo) -> bool:
+    """True for a folder, and for what macOS puts into an archive beside its files."""
+    return file.is_dir() or bool(re.search(r"(?:^|/)(?:__MACOSX/|\._|\.DS_Store$)", file.filename))
+
+
 _PAGE_WORDS = re.compile(r"<(title|h1|h2|p|pre|body)\b[^>]*>(.*?)</\1", re.DOTALL | re.IGNORECASE)
 
 
@@ -214,12 +227,15 @@ def remark_of(text: str) -> str:
     if not start or "\x00" in start:
         return "it is no text" if start else "it is empty"
     if start.startswith("<") or "<html" in start[:400].lower():
-        words = next((each[2] for each in _PAGE_WORDS.finditer(start[:100_000])), "")
+        page = start[:100_000]
+        words = next((each[2] for each in _PAGE_WORDS.finditer(page)), "")
+        if not words and "<html" not in page.lower():  # an error in XML
+            words = page
         plain = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", words)).split())
         return _printable(plain or "a web page")
     if start.startswith(("[", "{", '"')):
         try:
-            return _printable(omm_reader.text_of_values(parse_json(start)))
+            return _printable(omm_forms.text_of_values(parse_json(start)))
         except (ValueError, RecursionError) as error:
             why = TOO_DEEP if isinstance(error, RecursionError) else error
             return _printable(f"no OMM in JSON: {why}: {start}")

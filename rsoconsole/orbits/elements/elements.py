@@ -92,7 +92,7 @@ def two_line_sets(text: str) -> Iterator[ElementSet | UnusedSet]:
         _, following, next_kind = lines[at + 1] if at + 1 < len(lines) else (0, "", "")
         at += 1
         if not kind:
-            name = line.removeprefix("0 ").strip()
+            name = line.removeprefix("0 ").strip()[:_LONGEST_NAME]
             continue
         if kind == "1" and next_kind == "2":
             at += 1
@@ -133,11 +133,13 @@ def parse_norad_id(text: str) -> int | None:
 def _numbered(text: str) -> Iterator[tuple[int, str]]:
     for number, raw in enumerate(text.split("\n"), start=1):
         for part in raw.split("\f") if "\f" in raw else (raw,):
-            line = part.strip()
+            line = _QUOTED.sub("", part.strip())
             if line and not line.startswith("#"):
                 yield number, line
 
 
+_QUOTED = re.compile(r"^>[> ]*")
+"""Marks of a quoted mail."""
 _SHORT_LINE = re.compile(r"[12] (?: *\d{1,5}|[A-HJ-NP-Z]\d{4})(?:[A-Z]? |$)", re.ASCII)
 _LONGEST_NAME = 60
 
@@ -145,11 +147,12 @@ _LONGEST_NAME = 60
 def _kind(line: str) -> str:
     """Return "1" or "2" for a line of elements, "" for a name, "?" for a line too long for one.
 
-    A name may start with a digit too.
+    A name may start with a digit, and a long one is a name where few of its letters are digits.
     """
-    if line[0] in "12" and line[1:2].isspace() and (len(line) > 40 or _SHORT_LINE.match(line)):
+    is_long = len(line) > 40 and 4 * sum(map(str.isdigit, line)) > len(line) - line.count(" ")
+    if line[0] in "12" and line[1:2].isspace() and (is_long or _SHORT_LINE.match(line)):
         return line[0]
-    return "?" if len(line) > _LONGEST_NAME else ""
+    return "?" if is_long and len(line) > _LONGEST_NAME else ""
 
 
 def _number_of(line: str) -> int | None:

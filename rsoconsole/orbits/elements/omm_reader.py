@@ -1,49 +1,49 @@
-"""Orbit Mean-Elements Messages, read as JSON, XML, CSV or KVN. Pure.
+"""The objects of Orbit Mean-Elements Messages, by their fields. Pure.
 
 Source: CCSDS 502.0-B-3 and 505.0-B-3, and what CelesTrak and Space-Track make of them. A message
-may carry catalogue numbers that two lines have no room for. A damaged message costs itself alone.
+may carry catalogue numbers that two lines have no room for.
 """
 
-import csv
-import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
-from xml.parsers import expat
 
 from sgp4.api import WGS72, Satrec
 
-from rsoconsole.base import TOO_DEEP, OrbitError
-from rsoconsole.orbits.elements.catalogue import CatalogueEntry
+from rsoconsole.base import OrbitError
+from rsoconsole.orbits.elements.catalogue import CatalogueEntry, entry_of_lines
 from rsoconsole.orbits.elements.elements import (
     MAX_BSTAR,
     MAX_REVOLUTIONS_A_DAY,
     OTHER_THEORIES,
     UnusedSet,
     parse_norad_id,
+    two_line_sets,
 )
+from rsoconsole.orbits.elements.omm_forms import TWICE, TWO_LINES, Fields
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.words import NS_PER_DAY
 
-Fields = Mapping[str, Any]
-Message = tuple[str, Fields | str]
-"""Place in the text, and a message's fields, or the reason why they cannot be read."""
-
-_SGP4_THEORIES = {"SGP4", "SGP/SGP4", "SGP"}
+_ALLOWED = {
+    "MEAN_ELEMENT_THEORY": ("SGP4", "SGP/SGP4", "SGP"),
+    "TIME_SYSTEM": ("UTC",),
+    "REF_FRAME": ("TEME", "TEMEOFDATE"),
+    "CENTER_NAME": ("EARTH",),
+}
+"""Values that SGP4 can be used with, the usual one first; capitals and blanks do not count."""
+_NAMES = ("OBJECT_NAME", "NAME", "TLE0", "LINE0", "TLE_LINE0")
 _MAX_ALPHA_5 = 339_999
 _MAX_COUNT = 10**9
 _MIN_EPOCH_NS, _MAX_EPOCH_NS = (iso_to_utc_ns(f"{year}-01-01T00:00") for year in (1957, 2100))
 _SGP4_EPOCH_NS = iso_to_utc_ns("1949-12-31T00:00")
 _MINUTES = 1440.0
-_KEYS = {"EPOCH", "MEAN_MOTION", "ECCENTRICITY", "NORAD_CAT_ID"}
-"""Some keys that every message has."""
 
 
-def entry_of_message(place: str, fields: Fields | str) -> CatalogueEntry | UnusedSet:
+def entry_of_message(place: str, fields: Fields | UnusedSet) -> CatalogueEntry | UnusedSet:
     """Return the object of a message, or why it cannot be used."""
-    if isinstance(fields, str):
-        return UnusedSet(place=place, reason=fields)
+    if isinstance(fields, UnusedSet):
+        return replace(fields, place=place)
     known = {
         key.strip().upper(): value.strip() if isinstance(value, str) else value
         for key, value in fields.items()
@@ -51,20 +51,43 @@ def entry_of_message(place: str, fields: Fields | str) -> CatalogueEntry | Unuse
     }
     known = {key: value for key, value in known.items() if value != ""}
     try:
-        return _entry(known)
+        if TWICE in fields:
+            raise ValueError(f"{fields[TWICE]} stands twice")
+        found = _of_two_lines(known)
+        return _entry(known) if found is None else found
     except KeyError as error:
         reason = f"{error.args[0]} is missing"
-    except (ValueError, OverflowError) as error:
+    except (ValueError, OverflowError, OrbitError) as error:
         reason = str(error)
-    number, name = parse_norad_id(str(known.get("NORAD_CAT_ID", ""))), known.get("OBJECT_NAME", "")
-    return UnusedSet(place=place, norad_id=number, name=str(name)[:60], reason=reason)
+    number, name = parse_norad_id(str(known.get("NORAD_CAT_ID", ""))), _name(known)
+    return UnusedSet(place=place, norad_id=number, name=name, reason=reason)
+
+
+def _name(fields: Fields) -> str:
+    name = next((str(fields[key]) for key in _NAMES if key in fields), "")
+    return name.removeprefix("0 ")[:60]
+
+
+def _of_two_lines(fields: Fields) -> CatalogueEntry | None:
+    """Return the object of two lines that stand among the fields. Raises ValueError, OrbitError."""
+    if "MEAN_MOTION" in fields:
+        return None
+    for first, second in TWO_LINES:
+        if first in fields and second in fields:
+            found = list(two_line_sets(f"{fields[first]}\n{fields[second]}"))
+            if len(found) != 1:
+                raise ValueError(f"{first} and {second} are no lines of elements")
+            if isinstance(found[0], UnusedSet):
+                raise ValueError(f"{found[0].place} of its two: {found[0].reason}")
+            return entry_of_lines(replace(found[0], name=_name(fields)))
+    return None
 
 
 def _entry(fields: Fields) -> CatalogueEntry:
     """Raises KeyError for a missing field, ValueError for one that is none."""
-    for key, allowed in (("MEAN_ELEMENT_THEORY", _SGP4_THEORIES), ("TIME_SYSTEM", {"UTC"})):
-        if str(fields.get(key, min(allowed))).upper() not in allowed:
-            raise ValueError(f"{key} is {fields[key]}; only {min(allowed)} can be used")
+    for key, allowed in _ALLOWED.items():
+        if re.sub(r"[\s_-]", "", str(fields.get(key, allowed[0]))).upper() not in allowed:
+            raise ValueError(f"{key} is {fields[key]}; only {allowed[0]} can be used")
     if _count(fields, "EPHEMERIS_TYPE") in OTHER_THEORIES:
         raise ValueError(f"EPHEMERIS_TYPE is {fields['EPHEMERIS_TYPE']}, not of SGP4")
     norad_id, epoch_utc_ns = _norad_id(fields["NORAD_CAT_ID"]), _epoch_utc_ns(fields)
@@ -156,190 +179,3 @@ def _epoch_utc_ns(fields: Fields) -> int:
     if not _MIN_EPOCH_NS <= epoch_utc_ns < _MAX_EPOCH_NS:
         raise ValueError(f"EPOCH is {text}: 1957 to 2099 needed")
     return epoch_utc_ns
-
-
-# ---- the forms -----------------------------------------------------------------------------
-
-
-def has_keys_of_omm(keys: Iterable[object], least: int = 1) -> bool:
-    """True where ``least`` of the keys that every message has are among these, in any case."""
-    return len(_KEYS & {str(key).strip().strip('"').upper() for key in keys}) >= least
-
-
-_BETWEEN_OBJECTS = " \t\n\f,[]"
-
-
-def json_messages(text: str) -> Iterator[Message]:
-    """Yield the messages of JSON: a list, one object, or such within others.
-
-    Objects before and after a damaged one are read. Raises OrbitError for brackets that are nested
-    too deeply.
-    """
-    decode = json.JSONDecoder().raw_decode
-    number, at = 1, 0
-    while True:
-        start = text.find("{", at)
-        between = (text[at:start] if start >= 0 else text[at:]).strip(_BETWEEN_OBJECTS)
-        if between:
-            yield f"object {number}", f"no OMM in JSON: {between[:40]!r}"
-            number += 1
-        if start < 0:
-            return
-        try:
-            value, at = decode(text, start)
-        except RecursionError as error:
-            raise OrbitError(f"no OMM in JSON: {TOO_DEEP}") from error
-        except ValueError as error:
-            yield f"object {number}", f"no OMM in JSON: {error}"
-            number += 1
-            following = text.find("{", start + 1)
-            at = following if following >= 0 else len(text)
-            continue
-        for each in _flat_objects(value):
-            yield f"object {number}", each
-            number += 1
-
-
-def _flat_objects(value: Any) -> Iterator[Fields | str]:
-    waiting = [value]
-    while waiting:
-        each = waiting.pop()
-        inner = each if isinstance(each, list) else []
-        if isinstance(each, dict):
-            if has_keys_of_omm(each):
-                yield each
-                continue
-            inner = [one for one in each.values() if isinstance(one, dict | list)]
-        if not inner:
-            yield f"no elements, but: {text_of_values(each)[:200]}"
-        waiting += reversed(inner)
-
-
-def text_of_values(value: Any) -> str:
-    """Return the texts within a JSON value, in order, as one."""
-    if isinstance(value, dict | list):
-        inner = value.values() if isinstance(value, dict) else value
-        return ": ".join(filter(None, map(text_of_values, inner)))
-    return value if isinstance(value, str) else ""
-
-
-_PREFIX = r"(?:[\w.-]+:)?"
-_XML_UNITS = tuple(
-    (re.compile(rf"<{_PREFIX}{tag}(?=[\s>])"), re.compile(rf"</{_PREFIX}{tag}\s*>"))
-    for tag in ("segment", "omm")
-)
-_XML_KEY = re.compile(rf"<{_PREFIX}(?:EPOCH|MEAN_MOTION|NORAD_CAT_ID)[\s>]")
-
-
-def xml_messages(text: str) -> Iterator[Message]:
-    """Yield the messages of XML, with any namespace or prefix, alone or in an NDM."""
-    number, after = 1, 0
-    first, last = next((each for each in _XML_UNITS if each[0].search(text)), _XML_UNITS[0])
-    starts = [each.start() for each in first.finditer(text)]
-    for start, end in zip([*starts, len(text)], [*starts[1:], len(text), len(text)], strict=True):
-        if _XML_KEY.search(text, after, start):
-            yield f"object {number}", "no OMM in XML: its first tag cannot be read"
-            number += 1
-        if start < len(text):
-            close = last.search(text, start, end)
-            after = close.end() if close else end
-            yield f"object {number}", _xml_fields(text[start:after])
-            number += 1
-
-
-def _xml_fields(text: str) -> Fields | str:
-    """Return the fields of one message, or why they cannot be read.
-
-    Without its declarations a prefix means nothing to a parser that knows namespaces; this one
-    does not.
-    """
-    fields: dict[str, str] = {}
-    texts: list[str] = []
-    twice: list[str] = []
-
-    def end(tag: str) -> None:
-        key, value = tag.rpartition(":")[2], "".join(texts).strip()
-        if fields.setdefault(key, value) != value and key in _READ:
-            twice.append(key)
-        texts.clear()
-
-    parser = expat.ParserCreate()
-    parser.CharacterDataHandler = texts.append
-    parser.EndElementHandler = end
-    try:
-        parser.Parse(text, True)
-    except (expat.ExpatError, ValueError) as error:
-        return f"no OMM in XML: {error}"
-    return f"{twice[0]} stands twice" if twice else fields
-
-
-def csv_messages(text: str) -> Iterator[Message]:
-    """Yield the messages of a table whose first line names its columns."""
-    names: list[str] = []
-    separator = ","
-    for number, line in enumerate(text.split("\n"), start=1):
-        if not line.strip():
-            continue
-        if not names:
-            separator = max(",;\t", key=line.count)
-            names = _cells(line, separator)
-            continue
-        cells = _cells(line, separator)
-        if len(cells) < len(names) or any(cells[len(names) :]):
-            yield f"line {number}", f"{len(cells)} columns found, {len(names)} needed"
-        elif cells != names:  # the head of a file that was put behind another
-            yield f"line {number}", dict(zip(names, cells, strict=False))
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    if '"' in line:
-        try:
-            line_cells = next(csv.reader([line], delimiter=separator))
-        except csv.Error:
-            line_cells = []
-    else:
-        line_cells = line.split(separator)
-    return [each.strip() for each in line_cells]
-
-
-_KVN_LINE = re.compile(r"([A-Za-z]\w*)\s*=\s*(.*)")
-_KVN_UNIT = re.compile(r"([-+.\d]\S*)\s*\[[^\]]*\]")
-_KVN_FIRST = ("CCSDS_OMM_VERS", "CREATION_DATE", "ORIGINATOR", "OBJECT_NAME")
-_READ = _KEYS | {"INCLINATION", "RA_OF_ASC_NODE", "ARG_OF_PERICENTER", "MEAN_ANOMALY", "BSTAR"}
-
-
-def kvn_messages(text: str) -> Iterator[Message]:
-    """Yield the messages of lines KEY = value, one after another."""
-    fields: dict[str, str] = {}
-    place, fault, before = "", "", ""
-    torn: tuple[str, str] | None = None
-    """Damaged line, and what is wrong with it, of which the message is not known yet."""
-    for number, raw in enumerate(text.split("\n"), start=1):
-        line = raw.strip()
-        if not line and torn and fields:
-            fault, torn = fault or torn[1], None
-        if not line or line == before or line.upper().startswith("COMMENT"):
-            continue
-        before = line
-        found = _KVN_LINE.fullmatch(line)
-        if found is None:
-            words = f"{line[:40]!r} in line {number} is not KEY = value"
-            torn = torn or (f"line {number}", words)
-            continue
-        key = found[1].upper()
-        if key in _KVN_FIRST and key in fields:
-            if torn and key == _KVN_FIRST[0]:
-                fault, torn = fault or torn[1], None
-            yield place, fault or fields
-            fields, place, fault = {}, "", ""
-        if torn:  # before another than the first key it was the first line
-            fault, torn = fault or torn[1], None
-        place = place or f"line {number}"
-        unit = _KVN_UNIT.fullmatch(found[2])
-        value = unit[1] if unit else found[2]
-        if fields.setdefault(key, value) != value and key in _READ:
-            fault = fault or f"{key} stands twice"
-    if fields:
-        yield place, fault or fields
-    if torn:
-        yield torn

@@ -222,11 +222,29 @@ def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> Obser
     rows = read.get("obs")
     if not isinstance(rows, list) or not rows:
         raise OrbitError(f"{path} holds no observations: it must be {_SHAPE}")
-    parsed = [_row(row, f"{path}, observation {n}", sigma_arcsec) for n, row in enumerate(rows, 1)]
+    parsed: list[tuple[int, float, float, float, float]] = []
+    faults: list[str] = []
+    for number, row in enumerate(rows, start=1):
+        where = f"{path}, observation {number}"
+        try:
+            values = _row(row, where, sigma_arcsec)
+        except OrbitError as error:
+            faults.append(str(error))
+            continue
+        if values in parsed[-1:]:
+            faults.append(f"{where}: the same as the one before")
+        else:
+            parsed.append(values)
+    if not parsed:
+        raise OrbitError(faults[0])
     t, ra, dec, east, north = (np.array(column) for column in zip(*parsed, strict=True))
     cov = np.stack([east**2, np.zeros_like(east), north**2], axis=-1)
     return ObservedTrack(
-        name=path.name, site=site, limits=None, seen=reduce_directions(site, t, ra, dec, cov)
+        name=path.name,
+        site=site,
+        limits=None,
+        seen=reduce_directions(site, t, ra, dec, cov),
+        not_used=tuple(faults),
     )
 
 

@@ -20,12 +20,11 @@ from rsoconsole.orbits import (
     MU_EARTH_KM3_S2,
     CatalogueEntry,
     ElementErrors,
-    UnusedSet,
-    failure_words,
     nearest_epoch_entries,
     orbit_regime,
     position_sigmas_km,
 )
+from rsoconsole.pipeline.visibility.lost_objects import LostObject, lost_objects
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     EARTH_RADIUS_KM,
@@ -120,8 +119,8 @@ class FieldCrossings:
     done: int
     """Number of objects computed so far."""
     crossings: tuple[FieldCrossing, ...]
-    lost: tuple[UnusedSet, ...]
-    """Objects for which SGP4 has no place in all of the span, each with why."""
+    lost: tuple[LostObject, ...]
+    """Objects for which SGP4 has no place in all or a part of the span, each with why."""
 
 
 def field_crossings(
@@ -214,7 +213,7 @@ class _Search:
 
     def look(
         self, entries: Sequence[CatalogueEntry]
-    ) -> tuple[tuple[FieldCrossing, ...], tuple[UnusedSet, ...]]:
+    ) -> tuple[tuple[FieldCrossing, ...], tuple[LostObject, ...]]:
         """Return the crossings of these objects, and those of them without a place."""
         jd_1, jd_2 = jd_utc(self._t)
         failed, r, v = SatrecArray([each.record for each in entries]).sgp4(
@@ -232,12 +231,7 @@ class _Search:
         )
         t_utc_ns = self._t[steps][:, None] + offsets_ns * NS_PER_S
         found = self._fine(entries, np.repeat(rows, len(offsets_ns)), t_utc_ns.ravel())
-        lost = [
-            UnusedSet(norad_id=entry.norad_id, name=entry.name, reason=failure_words(int(code)))
-            for entry, code in zip(entries, failed.max(axis=1), strict=True)
-            if code
-        ]
-        return tuple(found), tuple(lost)
+        return tuple(found), lost_objects(entries, failed, self._t, self._span)
 
     def _is_reached(
         self, line_km: FloatArray, up: FloatArray, centre: FloatArray, reach_km: FloatArray

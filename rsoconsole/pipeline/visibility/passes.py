@@ -15,13 +15,12 @@ from rsoconsole.orbits import (
     ASSUMED,
     CatalogueEntry,
     ElementErrors,
-    UnusedSet,
-    failure_words,
     nearest_epoch_entries,
     orbit_regime,
     position_sigmas_km,
     states_gcrs,
 )
+from rsoconsole.pipeline.visibility.lost_objects import LostObject, lost_objects
 from rsoconsole.records import FloatArray, Site
 from rsoconsole.sky import (
     EARTH_RADIUS_KM,
@@ -152,13 +151,13 @@ def night_passes(
     *,
     is_low_only: bool = True,
     errors: ElementErrors = ASSUMED,
-) -> Iterator[tuple[int, tuple[NightPass, ...], tuple[UnusedSet, ...]]]:
+) -> Iterator[tuple[int, tuple[NightPass, ...], tuple[LostObject, ...]]]:
     """Yield (number of objects computed so far, new passes, objects without places), in parts.
 
     ``span_utc_ns``: (start, end) within which passes are searched. ``is_low_only``: True for low
     orbits only; else an object that never sets has one pass, the whole span. The element set
-    nearest in epoch is used. Objects for which SGP4 has no place in all of the span (decayed, old
-    elements) have the passes before that.
+    nearest in epoch is used. Objects for which SGP4 has no place in a part of the span
+    (decayed, old elements) have the passes of the rest.
     """
     nearest = nearest_epoch_entries(entries, span_utc_ns[0])
     looked_at = [e for e in nearest if _may_rise(e, site, limits, is_low_only=is_low_only)]
@@ -166,7 +165,7 @@ def night_passes(
     done = len(nearest) - len(looked_at)
     for start in range(0, len(looked_at), _OBJECTS_AT_ONCE):
         some = looked_at[start : start + _OBJECTS_AT_ONCE]
-        lost: list[UnusedSet] = []
+        lost: list[LostObject] = []
         found = [
             each
             for entry, path in looks.near_the_limit(some, limits, lost)
@@ -200,6 +199,7 @@ class _Looks:
     """Site at each instant, of which one lies before the span and one after it."""
 
     def __init__(self, site: Site, span_utc_ns: tuple[int, int]) -> None:
+        self._span = span_utc_ns
         step_ns = STEP_S * NS_PER_S
         t = np.arange(span_utc_ns[0] - step_ns, span_utc_ns[1] + 2 * step_ns, step_ns)
         self.t_utc_ns = t
@@ -210,22 +210,17 @@ class _Looks:
         """Rotation from TEME, SGP4's frame, (N, 3, 3)."""
 
     def near_the_limit(
-        self, entries: Sequence[CatalogueEntry], limits: LimitsConfig, lost: list[UnusedSet]
+        self, entries: Sequence[CatalogueEntry], limits: LimitsConfig, lost: list[LostObject]
     ) -> Iterator[tuple[CatalogueEntry, "_Path"]]:
         """Yield each object with each run of instants at which it is not far below the limit.
 
-        Objects without a place at some instant are appended to ``lost``.
+        Objects without a place at some instant of the span are appended to ``lost``.
         """
         jd_1, jd_2 = jd_utc(self.t_utc_ns)
         failed, r_teme, v_teme = SatrecArray([each.record for each in entries]).sgp4(
             np.ascontiguousarray(jd_1), np.ascontiguousarray(jd_2)
         )
-        for n in np.flatnonzero(failed.any(axis=1)):
-            code = int(failed[n][np.flatnonzero(failed[n])[0]])
-            entry = entries[int(n)]
-            lost.append(
-                UnusedSet(norad_id=entry.norad_id, name=entry.name, reason=failure_words(code))
-            )
+        lost += lost_objects(entries, failed, self.t_utc_ns, self._span)
         # The site is turned towards the objects' axes: there are far more of those.
         up, site_km = (
             np.einsum("nji,nj->ni", self.to_gcrs, each) for each in (self.axes[0], self.site_km)
