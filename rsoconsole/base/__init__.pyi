@@ -30,7 +30,6 @@ from .foreign_text import read_foreign_text as read_foreign_text
 from .foreign_text import read_named_bytes as read_named_bytes
 from .foreign_text import read_named_file as read_named_file
 from .foreign_text import read_private_lines as read_private_lines
-from .foreign_text import read_text_in_any_encoding as read_text_in_any_encoding
 from .foreign_text import text_in_any_encoding as text_in_any_encoding
 from .indi_port import INDI_PORT as INDI_PORT
 from .indi_port import indi_port_option as indi_port_option

@@ -78,17 +78,6 @@ def read_named_bytes(path: Path, fault: type[Exception], absent: str) -> bytes:
         raise fault(f"{path} cannot be read: {error}") from error
 
 
-def read_text_in_any_encoding(path: Path, *, most_bytes: int = MAX_DATA_BYTES) -> str:
-    """Return the text of a regular file, as ``text_in_any_encoding`` reads its bytes.
-
-    Raises OSError, and ValueError for what is no text.
-    """
-    text = text_in_any_encoding(_read_regular_file(path, most_bytes))
-    if "\0" in text or (text.strip() and not any(map(str.isalnum, text))):
-        raise ValueError("it is no text")
-    return text
-
-
 def text_in_any_encoding(content: bytes) -> str:
     """Return a text of UTF-8, UTF-16 or an 8-bit encoding; line ends are newlines.
 

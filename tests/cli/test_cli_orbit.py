@@ -331,7 +331,7 @@ ROW = ["2023-06-09T17:04:59Z", 10.0, 5.0]
         ("{}", "no site"),
         ('{"site": {"lat_deg": 91, "lon_deg": 0}, "obs": []}', "no site"),
         ('{"site": {"lat_deg": 1, "lon_deg": 0}, "obs": []}', "no observations"),
-        ([ROW, ["noon", 1.0, 2.0]], "observation 2: 'noon' is not a time"),
+        ([["noon", 1.0, 2.0]], "observation 1: 'noon' is not a time"),
         ([[ROW[0], 10.0]], "observation 1: [time, RA, Dec]"),
         ([[ROW[0], 10.0, 95.0]], "observation 1: 95.0 is not within 90"),
         ([[ROW[0], "10h", 5.0]], "observation 1: '10h' is not a number"),
