@@ -106,7 +106,7 @@ class Steady(Drifting):
 
 
 class Standing(Drifting):
-    """Its tracking is off, whoever has done that; the stars pass it."""
+    """Its tracking is off, by an operator or another program; the stars pass it."""
 
     def report(self, *arguments: Any, **named: Any) -> MountReport:
         return replace(super().report(*arguments, **named), is_tracking=False)
