@@ -534,14 +534,13 @@ def test_the_terms_begin_at_the_top_and_home_goes_there(wire: FakeWire):
         await pilot.press("tab")
         box = app.screen.query_one(VerticalScroll)
         await pilot.press("pagedown", "pagedown")
-        await pilot.pause()
-        assert box.scroll_offset.y > 20
+        await until(pilot, lambda: box.scroll_offset.y > 20)
         await pilot.press("home")
-        await pilot.pause()
-        assert box.scroll_offset.y == 0
-        await pilot.press("end", "tab", "tab")
-        await pilot.pause()
-        assert box.scroll_offset.y == 0
+        await until(pilot, lambda: box.scroll_offset.y == 0)
+        await pilot.press("end")
+        await until(pilot, lambda: box.scroll_offset.y > 20)
+        await pilot.press("tab", "tab")
+        await until(pilot, lambda: box.scroll_offset.y == 0)
 
     play(wire, scene, SIZE)
 

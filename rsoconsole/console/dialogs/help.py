@@ -109,22 +109,21 @@ class HelpDialog(PagedDialog[str | None]):
         """Show the other page: keys and signs, or terms."""
         self._shown = self._other
         self.show()
-        # At once: what is scrolled behind the new text would be the place of the old one.
         self.query_one(VerticalScroll).scroll_home(animate=False, immediate=True)
 
     def action_scroll(self, by: int) -> None:
         """Scroll down by ``by`` lines; a negative number scrolls up."""
-        self.query_one(VerticalScroll).scroll_relative(y=by, animate=False)
+        self.query_one(VerticalScroll).scroll_relative(y=by, animate=False, immediate=True)
 
     def action_page(self, by: int) -> None:
         """Scroll down by ``by`` pages; a negative number scrolls up."""
         box = self.query_one(VerticalScroll)
-        box.scroll_relative(y=by * max(box.size.height - 1, 1), animate=False)
+        box.scroll_relative(y=by * max(box.size.height - 1, 1), animate=False, immediate=True)
 
     def action_end(self, is_last: bool) -> None:
         """Scroll to the first line, or with ``is_last`` to the last one."""
         box = self.query_one(VerticalScroll)
-        (box.scroll_end if is_last else box.scroll_home)(animate=False)
+        (box.scroll_end if is_last else box.scroll_home)(animate=False, immediate=True)
 
     def action_tour(self) -> None:
         """Close with "tour", which starts the tour of the screen."""
