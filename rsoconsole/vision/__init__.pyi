@@ -76,5 +76,5 @@ from .streaks.streak_classes import CONTINUOUS_CLASSES as CONTINUOUS_CLASSES
 from .streaks.streak_classes import corrected_by_neighbours as corrected_by_neighbours
 from .streaks.streak_fit import StreakFit as StreakFit
 from .streaks.streak_fit import fit_streak as fit_streak
-from .streaks.streak_trace import LineTrace as LineTrace
 from .streaks.streak_trace import trace_line as trace_line
+from .streaks.traced_line import LineTrace as LineTrace

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, NotAStreakKind, Rejection
+from rsoconsole.records import Detection, FloatArray, Frame, NotAStreak, Rejection
 from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.measured_detection import (
     SAME_STREAK_DEG,
@@ -34,7 +34,8 @@ from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streaks.streak_evenness import lumpiness_and_bend
 from rsoconsole.vision.streaks.streak_fit import AS_CHAINS_FWHM, MARGIN_PX, StreakFit, fit_streak
 from rsoconsole.vision.streaks.streak_glance import line_signal, star_width_and_narrow_snr
-from rsoconsole.vision.streaks.streak_trace import LineTrace, trace_line
+from rsoconsole.vision.streaks.streak_trace import trace_line
+from rsoconsole.vision.streaks.traced_line import LineTrace
 
 log = logging.getLogger(__name__)
 
@@ -331,27 +332,30 @@ class FrameCandidates:
 
     def _fault(self, trace: LineTrace) -> NotAStreak | None:
         """The first gate that a trace does not pass; None where it passes all."""
-        width_px = self._width_px(trace)
-        ends = _ends_of(trace)
-        length_px = length_of(ends)
-        star_px = self._focus_at(ends).fwhm_px
-        ratio = trace.width_px / width_px
+        # In the order of their cost: the trace computes what it is asked for.
+        width_px, ends = self._width_px(trace), _ends_of(trace)
+        star_px, length_px = self._focus_at(ends).fwhm_px, length_of(ends)
         is_sampled = self.focus.joined == 1 and star_px > _UNDERSAMPLED_PX
         least_px = _NARROWEST * min(width_px, SHARP_PX) if is_sampled else 0.0
-        quartile = max(_MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion)
-        gates: tuple[tuple[bool, NotAStreakKind, float | None, float | None], ...] = (
-            (trace.snr < _MIN_TRACE_SNR, "too faint", trace.snr, _MIN_TRACE_SNR),
-            (trace.width_px < least_px, "too narrow", trace.width_px, width_px),
-            (ratio > _WIDEST, "too wide", trace.width_px, width_px),
-            (length_px < _SHORTEST * star_px, "too short", length_px, None),
-            (trace.lower_quartile_snr < quartile, "dark in between", None, None),
-            (trace.roughness > _MAX_ROUGH, "uneven", trace.roughness, _MAX_ROUGH),
-            (trace.beyond > _MAX_BEYOND, "longer trail", None, None),
-        )
-        for is_shut, kind, value, limit in gates:
-            if is_shut:
-                return NotAStreak(kind=kind, value=value, limit=limit)
-        return None
+        if trace.snr < _MIN_TRACE_SNR:
+            reason = NotAStreak(kind="too faint", value=trace.snr, limit=_MIN_TRACE_SNR)
+        elif trace.width_px < least_px:
+            reason = NotAStreak(kind="too narrow", value=trace.width_px, limit=width_px)
+        elif trace.width_px > _WIDEST * width_px:
+            reason = NotAStreak(kind="too wide", value=trace.width_px, limit=width_px)
+        elif length_px < _SHORTEST * star_px:
+            reason = NotAStreak(kind="too short", value=length_px)
+        elif trace.lower_quartile_snr < max(
+            _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion
+        ):
+            reason = NotAStreak(kind="dark in between")
+        elif trace.roughness > _MAX_ROUGH:
+            reason = NotAStreak(kind="uneven", value=trace.roughness, limit=_MAX_ROUGH)
+        elif trace.beyond > _MAX_BEYOND:
+            reason = NotAStreak(kind="longer trail")
+        else:
+            reason = None
+        return reason
 
     def record_rejection(
         self, box: NetworkBox, reason: NotAStreak, fit: StreakFit | None = None

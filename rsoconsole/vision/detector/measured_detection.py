@@ -11,7 +11,7 @@ from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.network import NetworkBox
 from rsoconsole.vision.stars.psf_field import PsfField
 from rsoconsole.vision.streaks.streak_fit import StreakFit
-from rsoconsole.vision.streaks.streak_trace import LineTrace
+from rsoconsole.vision.streaks.traced_line import LineTrace
 
 SHARP_PX = 3.2
 """Width of a star that neither wind nor the mount has widened, px: a streak may be as narrow."""

@@ -11,16 +11,14 @@ the line, and so it does where a faint star stands on it. Where drift has drawn 
 point is as long as they are in the line's direction.
 """
 
-import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_strip import LineProfile, LineStrip, StripLine, profile_of
+from rsoconsole.vision.lines.line_strip import LineProfile, LineStrip, StripLine, profiles_beside
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _MAX_PARTS = 48
@@ -41,17 +39,15 @@ def surroundings_scatter_ratio(
     window = max(round(2.0 * FWHM_PER_SIGMA * sigma), 2)
     away = 3.5 * sigma + 2.0
     found: list[float] = []
-    for sense in (-1.0, 1.0):
-        for further in (0.0, 2.0 * sigma + 1.0):
-            offset = course.offset + sense * (away + further)
-            beside = profile_of(strip, replace(course, offset=offset), sigma)
-            used = known & beside.is_known
-            light, error = beside.light[used], beside.error[used]
-            whole = light.size // window * window
-            if whole:
-                means = light[:whole].reshape(-1, window).mean(axis=1)
-                errors = np.sqrt((error[:whole].reshape(-1, window) ** 2).mean(axis=1) / window)
-                found += (means / errors).tolist()
+    further = away + 2.0 * sigma + 1.0
+    for beside in profiles_beside(strip, course, sigma, (-away, -further, away, further)):
+        used = known & beside.is_known
+        light, error = beside.light[used], beside.error[used]
+        whole = light.size // window * window
+        if whole:
+            sums = light[:whole].reshape(-1, window).sum(axis=1)
+            variances = (error[:whole].reshape(-1, window) ** 2).sum(axis=1)
+            found += (sums / np.sqrt(variances)).tolist()
     if len(found) < _ENOUGH:
         return 1.0
     each = np.array(found)
@@ -70,29 +66,36 @@ def line_texture(
     """
     length = ends[1] - ends[0]
     count = int(np.clip(length / (2.0 * FWHM_PER_SIGMA * profile.sigma), 3, _MAX_PARTS))
-    found = _parts(profile, ends, count, scatter)
-    if len(found) < _MIN_PARTS:
+    place, light, sigmas = _parts(profile, ends, count, scatter)
+    if place.size < _MIN_PARTS:
         # A star hides a part: finer ones tell what is left.
-        found = _parts(profile, ends, 2 * count, scatter)
-    if len(found) < _MIN_PARTS:
+        place, light, sigmas = _parts(profile, ends, 2 * count, scatter)
+    if place.size < _MIN_PARTS:
         return 0.0, 0.0
-    place, light, sigmas = (np.array(column) for column in zip(*found, strict=True))
-    quartile = float(np.percentile(light / sigmas, 25.0)) * math.sqrt(len(found))
+    quartile = float(np.percentile(light / sigmas, 25.0)) * math.sqrt(place.size)
     return quartile, _roughness(place, light, sigmas)
 
 
 def _parts(
     profile: LineProfile, ends: tuple[float, float], count: int, scatter: float
-) -> list[tuple[float, float, float]]:
-    """Return (place, light, one sigma of it) of the parts of which enough is seen."""
-    found: list[tuple[float, float, float]] = []
-    for low, high in itertools.pairwise(np.linspace(ends[0], ends[1], count + 1).tolist()):
-        part = profile.is_known_between(low, high)
-        known = int(np.count_nonzero(part))
-        if known >= max(2.0, _MIN_SEEN * (high - low)):
-            noise = math.sqrt(float((profile.error[part] ** 2).sum())) / known
-            found.append((0.5 * (low + high), float(profile.light[part].mean()), scatter * noise))
-    return found
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Place, light and one sigma of it, each (n,), of the parts of which enough is seen."""
+    known = profile.is_known
+    of_columns = np.zeros((3, known.size + 1))
+    np.cumsum(
+        [known, np.where(known, profile.light, 0.0), np.where(known, profile.error, 0.0) ** 2],
+        axis=1,
+        out=of_columns[:, 1:],
+    )
+    borders = np.linspace(ends[0], ends[1], count + 1)
+    # A column on the border of two parts is of both.
+    first = np.clip(np.ceil(borders[:-1]), 0, known.size).astype(np.intp)
+    beyond = np.clip(np.floor(borders[1:]) + 1, 0, known.size).astype(np.intp)
+    seen, light, variance = of_columns[:, beyond] - of_columns[:, first]
+    is_enough = seen >= np.maximum(2.0, _MIN_SEEN * np.diff(borders))
+    seen, light, variance = seen[is_enough], light[is_enough], variance[is_enough]
+    place = 0.5 * (borders[:-1] + borders[1:])[is_enough]
+    return place, light / seen, scatter * np.sqrt(variance) / seen
 
 
 def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> float:

@@ -5,7 +5,9 @@ line with the frame's own point-spread function as weight.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -193,13 +195,19 @@ def gaussian_weights(
 ) -> Float32Array:
     """Return weights of a strip's pixels: in each column a Gaussian about the path, sum 1."""
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
-    off = v - course.at(columns).astype(np.float32)
-    return np.asarray(
-        np.exp(-0.5 * (off / np.float32(sigma)) ** 2) / np.float32(math.sqrt(2 * math.pi) * sigma)
-    )
+    return _gaussian(v - course.at(columns).astype(np.float32), sigma)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+def _gaussian(off: Float32Array, sigma: float) -> Float32Array:
+    scaled = off / np.float32(sigma)
+    scaled *= scaled
+    scaled *= np.float32(-0.5)
+    weight: Float32Array = np.exp(scaled, out=scaled)
+    weight /= np.float32(math.sqrt(2 * math.pi) * sigma)
+    return weight
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LineProfile:
     """Light along a line, per pixel of length, in sigmas of a pixel's noise."""
 
@@ -210,33 +218,45 @@ class LineProfile:
     sigma: float
     """Sigma of the Gaussian across to which the light is matched, px."""
 
-    @property
+    @cached_property
     def columns(self) -> IndexArray:
         """Places along the line, px."""
         return np.arange(self.light.size)
 
-    @property
+    @cached_property
     def is_known(self) -> BoolArray:
         """True for the columns in which the line is not hidden."""
         return np.isfinite(self.error)
 
     def is_known_between(self, first: float, last: float) -> BoolArray:
         """Return True for the columns between two places, px, where the light is known."""
-        columns = self.columns
-        return (columns >= first) & (columns <= last) & self.is_known
+        between = np.zeros(self.light.size, dtype=bool)
+        inside = slice(max(math.ceil(first), 0), max(math.floor(last) + 1, 0))
+        between[inside] = self.is_known[inside]
+        return between
 
 
 def profile_of(strip: LineStrip, course: StripPath, sigma: float) -> LineProfile:
     """Measure the light of a strip along a path in it, matched across to ``sigma`` px."""
-    weight = gaussian_weights(strip, strip.columns, course, sigma)
+    return profiles_beside(strip, course, sigma, (0.0,))[0]
+
+
+def profiles_beside(
+    strip: LineStrip, course: StripPath, sigma: float, offsets: Sequence[float]
+) -> list[LineProfile]:
+    """Measure the light as ``profile_of`` along paths beside a path, ``offsets`` px from it."""
+    v = np.arange(-strip.reach, strip.reach + 1)[:, None]
+    path = course.at(strip.columns)
+    off = np.stack([v - (path + offset) for offset in offsets]).astype(np.float32)
+    weight = _gaussian(off, sigma)
     known = weight * strip.is_good
-    share = np.einsum("ij,ij->j", known, weight).astype(np.float64)
-    nominal = 1.0 / (2.0 * math.sqrt(math.pi) * sigma)
-    light = np.einsum("ij,ij->j", known, strip.values).astype(np.float64)
-    is_known = share > MIN_KNOWN * nominal
+    share = np.einsum("kij,kij->kj", known, weight).astype(np.float64)
+    light = np.einsum("kij,ij->kj", known, strip.values).astype(np.float64)
+    is_known = share > MIN_KNOWN / (2.0 * math.sqrt(math.pi) * sigma)
     share = np.maximum(share, _SMALLEST)
-    return LineProfile(
-        light=np.where(is_known, light / share, 0.0),
-        error=np.where(is_known, 1.0 / np.sqrt(share), np.inf),
-        sigma=sigma,
-    )
+    lights = np.where(is_known, light / share, 0.0)
+    errors = np.where(is_known, 1.0 / np.sqrt(share), np.inf)
+    return [
+        LineProfile(light=light, error=error, sigma=sigma)
+        for light, error in zip(lights, errors, strict=True)
+    ]

@@ -360,16 +360,17 @@ def _typical_level(profile: FloatArray, is_known: BoolArray, noise: float) -> fl
         total = np.where(is_known, profile, 0.0)[:size].reshape(-1, group).sum(axis=1)
         profile, is_known = total / np.maximum(count, 1), 2 * count > group
         noise /= float(np.sqrt(group))
+    known = np.concatenate([[0.0], np.cumsum(is_known.astype(np.float64))])
+    counts = np.maximum(known[None, :] - known[:, None], 1.0)
+    is_short = np.tri(known.size, k=3, dtype=bool)
     level: float | None = None
     for _ in range(2):
         cap = 6.0 * noise if level is None else 1.5 * level
         capped = np.where(is_known, np.clip(profile, -3.0 * noise, max(cap, noise)), 0.0)
         total = np.concatenate([[0.0], np.cumsum(capped)])
-        known = np.concatenate([[0.0], np.cumsum(is_known.astype(np.float64))])
-        sums = total[None, :] - total[:, None]
-        counts = np.maximum(known[None, :] - known[:, None], 1.0)
-        gain = np.where(sums > 0, sums**2 / counts, 0.0)
-        gain[np.tril_indices(gain.shape[0], 3)] = 0.0
+        sums = np.maximum(total[None, :] - total[:, None], 0.0)
+        gain = sums**2 / counts
+        gain[is_short] = 0.0
         a, b = np.unravel_index(int(np.argmax(gain)), gain.shape)
         if gain[a, b] < (4.0 * noise) ** 2:
             return None

@@ -5,12 +5,12 @@ error function). The amplitude may change along the streak on a few knots, so th
 tumbling move neither end. The covariance contains the uncertainty of all parameters.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
-from rsoconsole.vision.arrays import BoolArray
 
 _ITERATIONS = 20
 _WIDTH_PRIOR = 0.35
@@ -18,6 +18,8 @@ _WIDTH_PRIOR = 0.35
 _AMPLITUDE_PRIOR = 1.0
 """Change of amplitude between neighbouring knots, relative, one sigma."""
 _SHAPE = 5
+_FAR = 7.0
+"""Distance from an end, in sigmas, beyond which its blur is less than 3e-12."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,37 +78,56 @@ def fit_line(
     ``LineFit``, for the weights.
     """
     parameters = _pack(start)
-    free = np.ones(parameters.size, dtype=bool)
-    free[0], free[1] = start.u_a is not None, start.u_b is not None
-    weight = _weights(pixels, start, excess)
-    prior_j, prior_r = _priors(start, psf_sigma, parameters)
-    damping = 1e-3
+    is_free = np.ones(parameters.size, dtype=bool)
+    is_free[0], is_free[1] = start.u_a is not None, start.u_b is not None
+    free = np.ix_(np.flatnonzero(is_free), np.flatnonzero(is_free))
     hats = _hats(pixels.u, start)
     value, jacobian = _evaluate(pixels, parameters, start, hats)
-    residual = pixels.value - value
-    cost = float(weight @ residual**2 + np.sum(prior_r**2))
+    light = np.maximum(value - start.sky, 0.0)
+    weight = 1.0 / (pixels.noise**2 + max(excess, 0.0) * light)
+    prior_j, believed = _prior(start, psf_sigma, parameters.size)
+    residual, prior_r = pixels.value - value, prior_j @ (parameters - believed)
+    cost = float(weight @ residual**2 + prior_r @ prior_r)
+    normal = (jacobian * weight) @ jacobian.T + prior_j.T @ prior_j
+    damping = 1e-3
     for _ in range(_ITERATIONS):
-        normal = (jacobian * weight) @ jacobian.T + prior_j.T @ prior_j
         gradient = jacobian @ (weight * residual) - prior_j.T @ prior_r
         damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
-        step = _solve(damped, gradient, free)
-        if step is None:
+        step = np.zeros(parameters.size)
+        try:
+            step[is_free] = np.linalg.solve(damped[free], gradient[is_free])
+        except np.linalg.LinAlgError:
+            return None
+        if not np.all(np.isfinite(step)):
             return None
         trial = _bounded(parameters + step, start, psf_sigma)
         trial_value, trial_jacobian = _evaluate(pixels, trial, start, hats)
-        trial_residual = pixels.value - trial_value
-        _, trial_prior = _priors(start, psf_sigma, trial)
-        trial_cost = float(weight @ trial_residual**2 + np.sum(trial_prior**2))
+        trial_residual, trial_prior = pixels.value - trial_value, prior_j @ (trial - believed)
+        trial_cost = float(weight @ trial_residual**2 + trial_prior @ trial_prior)
         if trial_cost > cost:
             damping = min(damping * 8.0, 1e6)
             continue
         is_converged = cost - trial_cost < 1e-3
-        parameters, residual, jacobian, cost = trial, trial_residual, trial_jacobian, trial_cost
-        prior_r, damping = trial_prior, damping / 5.0
+        parameters, value, jacobian, cost = trial, trial_value, trial_jacobian, trial_cost
+        residual, prior_r, damping = trial_residual, trial_prior, damping / 5.0
+        normal = (jacobian * weight) @ jacobian.T + prior_j.T @ prior_j
         if is_converged:
             break
-    normal = (jacobian * weight) @ jacobian.T + prior_j.T @ prior_j
-    return _finish(pixels, parameters, start, normal=normal, free=free)
+    try:
+        inverse = np.linalg.inv(normal[free])
+    except np.linalg.LinAlgError:
+        return None
+    if not np.all(np.isfinite(inverse)) or np.any(np.diag(inverse) < 0):
+        return None
+    covariance = np.zeros((parameters.size, parameters.size))
+    covariance[free] = inverse
+    line, model = _unpack(parameters, start), value - parameters[-1]
+    return LineFit(
+        line=line,
+        covariance=covariance[:4, :4],
+        excess=source_variance_per_adu(pixels, line, model),
+        model=model,
+    )
 
 
 def model_light_adu(pixels: StreakPixels, line: StreakModel) -> FloatArray:
@@ -161,26 +182,29 @@ def _pack(line: StreakModel) -> FloatArray:
     return np.array([*head, *line.amplitudes, line.sky], dtype=np.float64)
 
 
+def _unpack(p: FloatArray, start: StreakModel) -> StreakModel:
+    return StreakModel(
+        u_a=None if start.u_a is None else float(p[0]),
+        u_b=None if start.u_b is None else float(p[1]),
+        offset=float(p[2]),
+        slope=float(p[3]),
+        sigma=float(p[4]),
+        amplitudes=tuple(float(a) for a in p[_SHAPE:-1]),
+        knot_range=start.knot_range,
+        sky=float(p[-1]),
+    )
+
+
 def _evaluate(
     pixels: StreakPixels, p: FloatArray, start: StreakModel, hats: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Model values (n,) and their derivatives (parameters, n)."""
-    from scipy.special import erf
-
     u, v = pixels.u, pixels.v
-    u_a, u_b, offset, slope, sigma = p[:_SHAPE]
-    root = np.sqrt(2.0) * sigma
-    edge = np.zeros(u.size)
-    normal_a, normal_b = np.zeros(u.size), np.zeros(u.size)
-    scale = 1.0 / (np.sqrt(2.0 * np.pi) * sigma)
-    rise, fall = np.ones(u.size), -np.ones(u.size)
-    if start.u_a is not None:
-        rise = erf((u - u_a) / root)
-        normal_a = scale * np.exp(-0.5 * ((u - u_a) / sigma) ** 2)
-    if start.u_b is not None:
-        fall = erf((u - u_b) / root)
-        normal_b = scale * np.exp(-0.5 * ((u - u_b) / sigma) ** 2)
+    u_a, u_b, offset, slope, sigma = p[:_SHAPE].tolist()
+    rise, normal_a = _step(u, u_a, sigma) if start.u_a is not None else (1.0, np.zeros(u.size))
+    fall, normal_b = _step(u, u_b, sigma) if start.u_b is not None else (-1.0, np.zeros(u.size))
     edge = 0.5 * (rise - fall)
+    scale = 1.0 / (math.sqrt(2.0 * math.pi) * sigma)
     t = (v - offset - slope * u) / sigma
     across = scale * np.exp(-0.5 * t * t)
     lit = (p[_SHAPE:-1] @ hats) * across
@@ -197,6 +221,19 @@ def _evaluate(
     return body + p[-1], jacobian
 
 
+def _step(u: FloatArray, at: float, sigma: float) -> tuple[FloatArray, FloatArray]:
+    """Error function of a blurred step from -1 to 1, and the Gaussian of its blur."""
+    from scipy.special import erf
+
+    t = (u - at) / sigma
+    step, normal = np.sign(t), np.zeros(u.size)
+    near = np.flatnonzero(np.abs(t) < _FAR)
+    t = t[near]
+    step[near] = erf(t / math.sqrt(2.0))
+    normal[near] = np.exp(-0.5 * t * t) / (math.sqrt(2.0 * math.pi) * sigma)
+    return step, normal
+
+
 def _hats(u: FloatArray, line: StreakModel) -> FloatArray:
     """Linear interpolation weights (count, n); beyond the range the last knot holds."""
     count, (low, high) = len(line.amplitudes), line.knot_range
@@ -206,34 +243,15 @@ def _hats(u: FloatArray, line: StreakModel) -> FloatArray:
     return np.maximum(0.0, 1.0 - np.abs(place - np.arange(count)[:, None]))
 
 
-def _weights(pixels: StreakPixels, line: StreakModel, excess: float) -> FloatArray:
-    variance = np.full(pixels.u.size, pixels.noise**2)
-    if excess > 0:
-        model = model_light_adu(pixels, line)
-        variance += excess * np.maximum(model, 0.0)
-    return 1.0 / variance
-
-
-def _priors(start: StreakModel, psf_sigma: float, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives and residuals of the priors, in sigmas."""
+def _prior(start: StreakModel, psf_sigma: float, size: int) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the priors' residuals, in sigmas, and the parameters that they believe in."""
     count = len(start.amplitudes)
-    jacobian = np.zeros((count, p.size))
-    jacobian[0, 4] = 1.0 / (_WIDTH_PRIOR * psf_sigma)
+    jacobian, believed = np.zeros((count, size)), np.zeros(size)
+    jacobian[0, 4], believed[4] = 1.0 / (_WIDTH_PRIOR * psf_sigma), psf_sigma
     level = max(float(np.mean(np.abs(start.amplitudes))), 1e-6) * _AMPLITUDE_PRIOR
     for k in range(1, count):
         jacobian[k, _SHAPE + k], jacobian[k, _SHAPE + k - 1] = 1.0 / level, -1.0 / level
-    believed = np.zeros(p.size)
-    believed[4] = psf_sigma
-    return jacobian, jacobian @ (p - believed)
-
-
-def _solve(matrix: FloatArray, vector: FloatArray, free: BoolArray) -> FloatArray | None:
-    step = np.zeros(vector.size)
-    try:
-        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], vector[free])
-    except np.linalg.LinAlgError:
-        return None
-    return step if np.all(np.isfinite(step)) else None
+    return jacobian, believed
 
 
 def _bounded(p: FloatArray, start: StreakModel, psf_sigma: float) -> FloatArray:
@@ -243,34 +261,3 @@ def _bounded(p: FloatArray, start: StreakModel, psf_sigma: float) -> FloatArray:
         middle = 0.5 * (p[0] + p[1])
         p[0], p[1] = middle - 0.5, middle + 0.5
     return p
-
-
-def _finish(
-    pixels: StreakPixels, p: FloatArray, start: StreakModel, *, normal: FloatArray, free: BoolArray
-) -> LineFit | None:
-    try:
-        inverse = np.linalg.inv(normal[np.ix_(free, free)])
-    except np.linalg.LinAlgError:
-        return None
-    if not np.all(np.isfinite(inverse)) or np.any(np.diag(inverse) < 0):
-        return None
-    covariance = np.zeros((p.size, p.size))
-    covariance[np.ix_(free, free)] = inverse
-    value, _ = _evaluate(pixels, p, start, _hats(pixels.u, start))
-    line = StreakModel(
-        u_a=None if start.u_a is None else float(p[0]),
-        u_b=None if start.u_b is None else float(p[1]),
-        offset=float(p[2]),
-        slope=float(p[3]),
-        sigma=float(p[4]),
-        amplitudes=tuple(float(a) for a in p[_SHAPE:-1]),
-        knot_range=start.knot_range,
-        sky=float(p[-1]),
-    )
-    model = value - p[-1]
-    return LineFit(
-        line=line,
-        covariance=covariance[:4, :4],
-        excess=source_variance_per_adu(pixels, line, model),
-        model=model,
-    )

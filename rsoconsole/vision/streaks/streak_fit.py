@@ -247,8 +247,10 @@ def _look(
         if stretch is None:
             return NoStreak(reason=NotAStreak(kind="nothing stands out"))
         looked = cutout, guess, stretch
+        if not stretch.reaches_rim:
+            break
         wider = cut_out(pixels, sky, _grown(box, stretch, guess), margin, stars)
-        if not stretch.reaches_rim or wider.values.shape == cutout.values.shape:
+        if wider.values.shape == cutout.values.shape:
             break
         if wider.values.size > _LARGEST_CUTOUT_PX:
             return NoStreak(reason=NotAStreak(kind="runs on far"))

@@ -10,21 +10,13 @@ frame's own point-spread function as weight they make a profile along it. It giv
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import PixelArray
-from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_or_points import (
-    line_over_points_chi2,
-    line_texture,
-    surroundings_scatter_ratio,
-    trail_along_line_px,
-)
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     MIN_KNOWN,
@@ -40,48 +32,16 @@ from rsoconsole.vision.lines.line_strip import (
 from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_list import StarList, StarTrail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
+from rsoconsole.vision.streaks.traced_line import CLIP, TIMES_LEVEL, LineTrace, describe_line
 
 _PARTS = 16
 _LIT = 0.4
-_CLIP = 5.0
-"""Largest signal to noise of a part that counts when the line is searched: a star is no line."""
 _TIMES_TYPICAL, _MAX_SLOPE = 1.5, 0.45
 _ENOUGH_COLUMNS = 24
-_TIMES_LEVEL, _OUT_SIGMA, _MAX_OUT = 3.0, 5.0, 0.4
-_EDGE_SNR, _HIDDEN_PX = 6.0, 3.0
+_OUT_SIGMA, _MAX_OUT = 5.0, 0.4
 _BRIGHT_SIGMA, _NEARER, _MAX_LOOKS = 6.0, 1e-3, 3
 _NOT_NOISE = 2.5
 _SMALLEST = 1e-9
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LineTrace:
-    """Line of light measured along itself, in pixels of the frame, 0-based."""
-
-    x_a_px: float
-    y_a_px: float
-    x_b_px: float
-    y_b_px: float
-    is_open: tuple[bool, bool]
-    """True for end a, end b: the line leaves the frame there."""
-    width_px: float
-    """Full width at half maximum across, px."""
-    snr: float
-    """Signal to noise of all the line's light, matched across; masked stars left out."""
-    sigma_end_px: tuple[float, float]
-    sigma_across_px: float
-    """One sigma of the line's position across, at its middle, px."""
-    sigma_angle_deg: float
-    lower_quartile_snr: float
-    """Signal to noise of the whole line if all its parts were as bright as their lower quartile."""
-    roughness: float
-    """Scatter of the parts over their mean that no slow change and no single period explains."""
-    confusion: float
-    """Scatter of the sky beside the line over the noise of its pixels: above 1 by faint stars."""
-    beyond: float
-    """Median light beyond an end over the mean light of the line, at the brighter end."""
-    over_points: float
-    """Chi-square that one line explains better than a few stars in a row; for a short one."""
 
 
 def trace_line(
@@ -145,7 +105,7 @@ def _looked(
         lit[1] > columns[-1] - rim and not strip.is_cut[1]
     )
     profile = profile_of(strip, course, sigma)
-    return _described(strip, inside, course, profile, trail), goes_on
+    return describe_line(strip, inside, course, profile, trail), goes_on
 
 
 def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: float) -> None:
@@ -163,7 +123,7 @@ def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: floa
     if known.size < _ENOUGH_COLUMNS // 2:
         return
     typical = median_of(known)
-    is_bright = (ridge > max(_TIMES_LEVEL * typical, typical + _BRIGHT_SIGMA)) & strip.is_good
+    is_bright = (ridge > max(TIMES_LEVEL * typical, typical + _BRIGHT_SIGMA)) & strip.is_good
     side = 2 * round(FWHM_PER_SIGMA * sigma) + 1
     about = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     is_bright = cv2.dilate(is_bright.astype(np.uint8), about) > 0
@@ -181,7 +141,7 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
     kernel = np.full(window, 1.0 / window)
     calm = np.convolve(profile.light, kernel, mode="same")
     noise = median_of(profile.error[inside]) / math.sqrt(window)
-    bright = calm > max(_TIMES_LEVEL * typical, typical + _OUT_SIGMA * noise)
+    bright = calm > max(TIMES_LEVEL * typical, typical + _OUT_SIGMA * noise)
     bright = np.convolve(bright, np.ones(2 * window + 1), mode="same") > 0.5
     if np.count_nonzero(bright & inside) < _MAX_OUT * np.count_nonzero(inside):
         strip.is_good[:, bright] = False
@@ -193,23 +153,19 @@ def _course(
     """Find the line on which the limited light of a proposal's parts adds up to most."""
     import cv2
 
-    middle = float(columns[inside].mean())
-    good = strip.is_good.astype(np.float32)
+    lit = columns[inside]
+    middle = float(lit.mean())
     weight = cv2.getGaussianKernel(2 * math.ceil(3.0 * sigma) + 1, sigma).astype(np.float32)
-    parts = np.array_split(columns[inside], min(_PARTS, max(int(inside.sum()) // 6, 1)))
-    lights, places = [], []
-    for part in parts:
-        chosen = good[:, part[0] : part[-1] + 1]
-        known = np.maximum(chosen.sum(axis=1), 1.0)
-        row = (strip.values[:, part[0] : part[-1] + 1] * chosen).sum(axis=1) / np.sqrt(known)
-        smooth = cv2.filter2D(row[:, None], -1, weight, borderType=cv2.BORDER_REFLECT_101)[:, 0]
-        smooth /= float(np.sqrt((weight**2).sum()))
-        lights.append(smooth)
-        places.append(float(part.mean()))
-    light, place = np.array(lights), np.array(places)
+    starts = _starts_of_parts(lit.size)
+    good = strip.is_good[:, lit].astype(np.float32)
+    known = np.maximum(np.add.reduceat(good, starts, axis=1), 1.0)
+    row = np.add.reduceat(strip.values[:, lit] * good, starts, axis=1) / np.sqrt(known)
+    smooth = cv2.filter2D(row, -1, weight, borderType=cv2.BORDER_REFLECT_101)
+    light = (smooth / float(np.sqrt((weight**2).sum()))).T
+    place = np.add.reduceat(lit, starts) / np.diff(starts, append=lit.size)
     # Of a bright line all that is near it would be alike: most of its parts tell how bright it is.
     typical = median_of(light.max(axis=1))
-    light = np.clip(light, -2.0, max(_CLIP, _TIMES_TYPICAL * typical))
+    light = np.clip(light, -2.0, max(CLIP, _TIMES_TYPICAL * typical))
     half = max(0.5 * float(inside.sum()), 1.0)
     offsets = np.arange(-off_px, off_px + 0.25, 0.5)
     slopes = np.arange(-off_px, off_px + 0.25, 0.5) / max(half, off_px / _MAX_SLOPE)
@@ -252,50 +208,47 @@ def _better(
     strip: LineStrip, columns: IndexArray, inside: BoolArray, course: StripLine, sigma: float
 ) -> StripLine:
     """Fit the line through the middles of the lit parts, with its errors."""
-    middle = float(columns[inside].mean())
+    chosen = columns[inside]
+    middle = float(chosen.mean())
     start = StripLine(
         middle, float(course.at(middle)), course.slope, course.sigma_offset, course.sigma_slope
     )
-    v = np.arange(-strip.reach, strip.reach + 1)[:, None]
-    chosen = columns[inside]
-    parts = np.array_split(np.arange(chosen.size), min(_PARTS, max(chosen.size // 6, 1)))
-    centres = [float(chosen[part].mean()) - middle for part in parts]
+    v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
+    starts = _starts_of_parts(chosen.size)
+    centres = np.add.reduceat(chosen, starts) / np.diff(starts, append=chosen.size) - middle
+    values, is_good = strip.values[:, chosen], strip.is_good[:, chosen]
     for _ in range(3):
+        off = v - start.at(chosen).astype(np.float32)
         weight = gaussian_weights(strip, chosen, start, sigma)
         nominal = np.einsum("ij,ij->j", weight, weight)
-        weight *= strip.is_good[:, chosen]
+        weight *= is_good
         # What a mask leaves of a column is a star's wing, not the line.
         weight *= np.einsum("ij,ij->j", weight, weight) > MIN_KNOWN * nominal
-        values = strip.values[:, chosen]
-        off = (v - start.at(chosen)).astype(np.float32)
-        moment = np.einsum("ij,ij,ij->j", weight, off, values).astype(np.float64)
-        spread = np.einsum("ij,ij,ij->j", weight, weight, off**2).astype(np.float64)
-        light = np.einsum("ij,ij->j", weight, values).astype(np.float64)
-        place, off_by, error = [], [], []
-        known = np.einsum("ij,ij->j", weight, weight).astype(np.float64)
+        tilted, lights = weight * off, weight * values
+        of_columns = np.stack(
+            [
+                np.einsum("ij,ij->j", lights, off),
+                np.einsum("ij,ij->j", tilted, tilted),
+                lights.sum(axis=0),
+                np.einsum("ij,ij->j", weight, weight),
+            ]
+        ).astype(np.float64)
+        moment, spread, light, known = np.add.reduceat(of_columns, starts, axis=1)
         typical = max(float(light.sum()) / max(float(known.sum()), _SMALLEST), _SMALLEST)
-        for part, centre in zip(parts, centres, strict=True):
-            # Matched to the slope of the profile: moment of g'(v) over that of g g'' .
-            slope2 = float(spread[part].sum())
-            if slope2 <= 0.0:
-                continue
-            place.append(centre)
-            amplitude = max(
-                float(light[part].sum()) / max(float(known[part].sum()), _SMALLEST), 0.3 * typical
-            )
-            off_by.append(float(moment[part].sum()) / slope2 / amplitude * sigma**2)
-            error.append(sigma**2 / (amplitude * math.sqrt(slope2)))
-        if not place:
+        is_seen = spread > 0.0
+        if not is_seen.any():
             return start
-        offsets, errors = np.clip(np.array(off_by), -2.0 * sigma, 2.0 * sigma), np.array(error)
+        # Matched to the slope of the profile: moment of g'(v) over that of g g'' .
+        amplitude = np.maximum(light / np.maximum(known, _SMALLEST), 0.3 * typical)[is_seen]
+        moment, spread, u = moment[is_seen], spread[is_seen], centres[is_seen]
+        offsets = np.clip(moment / spread / amplitude * sigma**2, -2.0 * sigma, 2.0 * sigma)
+        errors = sigma**2 / (amplitude * np.sqrt(spread))
         # A part that a star pulls away says little.
-        robust = (
-            errors**2 + np.maximum(np.abs(offsets - np.median(offsets)) - 3.0 * errors, 0.0) ** 2
-        )
-        w, u = 1.0 / robust, np.array(place)
+        away = np.maximum(np.abs(offsets - median_of(offsets)) - 3.0 * errors, 0.0)
+        w = 1.0 / (errors**2 + away**2)
         s0, s1, s2 = float(w.sum()), float(w @ u), float(w @ u**2)
         det = s0 * s2 - s1**2
-        if len(place) < 3 or det <= _SMALLEST * s0 * max(s2, 1.0):
+        if u.size < 3 or det <= _SMALLEST * s0 * max(s2, 1.0):
             shift, turn = float(w @ offsets) / s0, 0.0
             errors_of = (1.0 / math.sqrt(s0), start.sigma_slope)
         else:
@@ -308,134 +261,9 @@ def _better(
     return start
 
 
-def _described(
-    strip: LineStrip,
-    inside: BoolArray,
-    course: StripLine,
-    profile: LineProfile,
-    trail: StarTrail | None,
-) -> LineTrace | None:
-    lit = profile.columns[inside]
-    if np.count_nonzero(inside & profile.is_known) < 4:
-        return None
-    first, last, size = float(lit[0]) - 0.5, float(lit[-1]) + 0.5, profile.columns.size
-    rim = 1.5 * FWHM_PER_SIGMA * profile.sigma
-    is_open = (strip.is_cut[0] and first < rim, strip.is_cut[1] and last > size - 1 - rim)
-    a, sigma_a = (-0.5, 0.0) if is_open[0] else _edge(profile, first, 1, last - first)
-    b, sigma_b = (size - 0.5, 0.0) if is_open[1] else _edge(profile, last, -1, last - first)
-    known = profile.is_known_between(a, b)
-    if b - a < 3.0 or np.count_nonzero(known) < 4:
-        return None
-    light = profile.light[known]
-    if light.sum() <= 0.0:
-        return None
-    scatter = surroundings_scatter_ratio(strip, known, course, profile.sigma)
-    quartile, roughness = line_texture(profile, (a, b), scatter)
-    drawn_px = 0.0
-    if trail is not None:
-        angle_deg = math.degrees(math.atan2(strip.dy, strip.dx) + math.atan(course.slope))
-        turn = line_angle_deg(angle_deg % 180.0, trail.angle_deg)
-        drawn_px = trail_along_line_px(trail.length_px, turn, trail.fwhm_px)
-    x_a, y_a = strip.at(a, float(course.at(a)))
-    x_b, y_b = strip.at(b, float(course.at(b)))
-    return LineTrace(
-        x_a_px=x_a,
-        y_a_px=y_a,
-        x_b_px=x_b,
-        y_b_px=y_b,
-        is_open=is_open,
-        width_px=_width(strip, profile.columns[known], course, profile.sigma),
-        snr=float(light.sum() / math.sqrt((profile.error[known] ** 2).sum())),
-        sigma_end_px=(sigma_a, sigma_b),
-        sigma_across_px=course.sigma_offset,
-        sigma_angle_deg=math.degrees(course.sigma_slope),
-        lower_quartile_snr=quartile,
-        roughness=roughness,
-        confusion=scatter,
-        beyond=_beyond(profile, (a, b), float(light.mean()), is_open),
-        over_points=line_over_points_chi2(profile, (a, b), scatter, drawn_px),
-    )
-
-
-def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tuple[float, float]:
-    """Place where the light begins (``sense`` 1) or ends (-1) near a given one, and its sigma.
-
-    The step, blurred as stars are, that explains most of the light about it; its height is free.
-    """
-    from scipy.special import erf
-
-    sigma, inner, edge = profile.sigma, profile.columns * float(sense), place * sense
-    near = (inner > edge) & (inner < edge + max(8.0 * sigma, 20.0)) & profile.is_known
-    if not near.any():
-        return place, 0.25 * length
-    noise = median_of(profile.error[near])
-    amplitude = max(float(profile.light[near].mean()), 0.2 * noise)
-    # As far to either side as shows the step for sure.
-    window = (_EDGE_SNR * noise / amplitude) ** 2
-    window = min(max(window, 4.0 * sigma + 4.0), max(0.4 * length, 8.0))
-    reach = min(window, 0.25 * length + 4.0)
-    used = (np.abs(inner - edge) < window + reach) & profile.is_known
-    if np.count_nonzero(used) < 5:
-        return place, 0.25 * length
-    u, light, weight = inner[used], profile.light[used], 1.0 / profile.error[used] ** 2
-    trial = edge + np.linspace(-reach, reach, 4 * math.ceil(reach) + 1)
-    shape = 0.5 * (1.0 + erf((u - trial[:, None]) / (math.sqrt(2.0) * sigma)))
-    norm = np.maximum((shape**2) @ weight, _SMALLEST)
-    height = np.maximum((shape @ (weight * light)) / norm, 0.0)
-    gain = height**2 * norm
-    best = int(np.argmax(gain))
-    # Two sigma to either side: of a faint step the likelihood is no parabola.
-    close = gain >= gain[best] - 4.0
-    spread = 0.25 * float(trial[close].max() - trial[close].min())
-    # Where a star hides it, it is anywhere behind it.
-    is_near = np.abs(inner - trial[best]) < _HIDDEN_PX + 2.0 * sigma
-    hidden = float(np.count_nonzero(is_near & ~profile.is_known)) / math.sqrt(12.0)
-    return float(trial[best]) * sense, max(spread, hidden, 0.1)
-
-
-def _width(strip: LineStrip, columns: IndexArray, course: StripLine, sigma: float) -> float:
-    """Full width at half maximum of the light across, of the Gaussian that fits it best."""
-    v = np.arange(-strip.reach, strip.reach + 1)[:, None]
-    off = v - course.at(columns)
-    near = np.abs(off) < min(6.0 * sigma + 2.0, strip.reach)
-    good = near & strip.is_good[:, columns]
-    bins = np.rint(2.0 * off[good]).astype(np.int64)
-    low = int(bins.min()) if bins.size else 0
-    count = np.bincount(bins - low).astype(np.float64)
-    values = strip.values[:, columns]
-    ridge = values[
-        np.clip(np.rint(strip.reach + course.at(columns)), 0, 2 * strip.reach).astype(int),
-        np.arange(columns.size),
-    ]
-    # A star beside the line is none of its width.
-    most = max(_CLIP, _TIMES_LEVEL * median_of(ridge))
-    total = np.bincount(bins - low, np.clip(values, -_CLIP, most)[good].astype(np.float64))
-    used = count > 0
-    place = 0.5 * (np.arange(count.size) + low)[used]
-    value, weight = total[used] / count[used], count[used]
-    widths = sigma * np.exp(np.linspace(math.log(0.3), math.log(5.0), 45))
-    gains = []
-    for each in widths:
-        shape = np.exp(-0.5 * (place / each) ** 2)
-        # With a level of its own: the sky's error is no light.
-        mean = (weight @ shape) / weight.sum()
-        flat = shape - mean
-        norm = float(weight @ flat**2)
-        gains.append(max(float(weight @ (flat * value)), 0.0) ** 2 / max(norm, _SMALLEST))
-    best = float(widths[int(np.argmax(gains))])
-    return FWHM_PER_SIGMA * math.sqrt(max(best**2 - INTERPOLATED_VARIANCE, 0.05))
-
-
-def _beyond(
-    profile: LineProfile, ends: tuple[float, float], typical: float, is_open: tuple[bool, bool]
-) -> float:
-    """Median light beyond the ends over the level, on the brighter side; 0: none is seen."""
-    most, reach = 0.0, 6.0 + max(0.3 * (ends[1] - ends[0]), 30.0)
-    for away, is_out in (
-        (ends[0] - profile.columns, is_open[0]),
-        (profile.columns - ends[1], is_open[1]),
-    ):
-        part = (away > 6.0) & (away < reach) & profile.is_known
-        if not is_out and np.count_nonzero(part) >= 12:
-            most = max(most, median_of(profile.light[part]) / typical)
-    return most
+def _starts_of_parts(count: int) -> IndexArray:
+    """First index of each part of ``count`` columns: 16 parts, or fewer of six columns each."""
+    parts = min(_PARTS, max(count // 6, 1))
+    size, more = divmod(count, parts)
+    part = np.arange(parts)
+    return part * size + np.minimum(part, more)
