@@ -1,17 +1,16 @@
 """Two checkouts against each other, in turn: what an operator waits for, before and after a change.
 
-    python -m tests.bench.alternate BEFORE [--runs 7] [--only console,cycle] [--own]
+    python -m tests.bench.alternate BEFORE [--runs 7] [--only console,stop]
 
-Run from the project's root; BEFORE is another checkout of it. Each benchmark runs in BEFORE, then
-here, ``--runs`` times; the program that measures is this checkout's in both, or with
-``--own`` each checkout's own, where files have moved between them. Prints for each figure
-both medians and the median of the ratios of the pairs (after / before) with its range.
+Run from the project's root; BEFORE is a commit or another checkout. Each benchmark runs there, then
+here, ``--runs`` times, each tree's by its own program. Prints for each figure both medians and the
+median of the ratios of the pairs (after / before) with its range. The cycle has a benchmark that
+gives both trees the same frames: ``bench_cycle --against``.
 """
 
 import argparse
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -19,8 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-HERE = Path(__file__).resolve().parents[2]
-BENCHES = Path("tests/bench")
+from tests.bench.trees import HERE, tree_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +42,6 @@ ALL = (
         arguments=("--frames", "2000", "--repeats", "3"),
         figures=("first_paint_s", "whole_night_s", "early_jump_ms", "jump_ms"),
     ),
-    Bench(name="cycle", arguments=("16",), figures=("filter", "plan", "total")),
     Bench(name="what_if", arguments=(), figures=("read_s", "replay_s", "what_if_s", "command_s")),
     Bench(
         name="stop",
@@ -75,20 +72,21 @@ def measured(bench: Bench, tree: Path) -> dict[str, float]:
 def main() -> None:
     """Run all in turn, and print the ratios."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("before", type=Path)
+    parser.add_argument("before", help="commit or folder")
     parser.add_argument("--runs", type=int, default=7)
     parser.add_argument("--only", default=",".join(bench.name for bench in ALL))
-    parser.add_argument("--own", action="store_true")
     options = parser.parse_args()
-    before = options.before.resolve()
-    for program in () if options.own else (HERE / BENCHES).glob("bench_*.py"):
-        shutil.copy(program, before / BENCHES / program.name)
+    with tree_of(options.before) as before:
+        _compare(before, options.only.split(","), options.runs)
+
+
+def _compare(before: Path, names: Sequence[str], runs: int) -> None:
     print(f"{'':40}{'before':>10}{'after':>10}{'ratio':>8}   range", flush=True)
-    for bench in (each for each in ALL if each.name in options.only.split(",")):
+    for bench in (each for each in ALL if each.name in names):
         pairs = []
-        for number in range(options.runs):
+        for number in range(runs):
             pairs.append((measured(bench, before), measured(bench, HERE)))
-            print(f"{bench.name}: {number + 1} of {options.runs}", file=sys.stderr, flush=True)
+            print(f"{bench.name}: {number + 1} of {runs}", file=sys.stderr, flush=True)
         for figure in pairs[0][0]:
             both = [(old[figure], new[figure]) for old, new in pairs]
             ratios = sorted(new / old for old, new in both if old > 0.0)

@@ -1,88 +1,113 @@
 """From a 16-megapixel frame in memory to the plan of the next exposure, by stage.
 
-    .venv/bin/python -m tests.bench.bench_cycle [FRAMES]
+    python -m tests.bench.bench_cycle [--frames 20] [--only "one streak"]
+    python -m tests.bench.bench_cycle --against 30d3adb [--rounds 5]
 
 Frames of the simulated camera, the whole cycle (network, line fit, solver process, filter) and
 the planning of the next exposure, by the default configuration. Prints the median and the 95 %
-point of each stage. Not in it: the frame's way from its last byte through the camera's process
+point of each stage. ``--against`` measures the same frames in another commit's tree too, in turn
+in the same environment, and prints the ratios (this tree over that one): the median of the
+rounds, and their range. Not in it: the frame's way from its last byte through the camera's process
 and the order to the mount; ``rsoconsole demo --headless --json`` has them as ``read``, ``order``.
 """
 
-import statistics
+import argparse
+import json
+import os
+import subprocess
 import sys
-import time
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
 
-from rsoconsole.config import Config
-from rsoconsole.engine.aim.plan import Planner
-from rsoconsole.instruments import MountReport
-from rsoconsole.pipeline import Cycle, open_reducer
-from rsoconsole.records import Frame
-from rsoconsole.simulator import Scene, scenario_named
-from rsoconsole.sky import icrs_of_hour_angle
-from rsoconsole.tracking import Following
+import numpy as np
 
-NS = 1_000_000_000
-TARGET_HOUR_ANGLE_DEG = -41.0
+from tests.bench.cycle_scenes import skies, write_frames
+from tests.bench.trees import HERE, tree_of
+
+PROGRAM = HERE / "tests" / "bench" / "cycle_program.py"
+
+
+def measured(tree: Path, folders: Sequence[Path]) -> dict[str, Any]:
+    """What ``cycle_program`` measures in a tree."""
+    done = subprocess.run(
+        [sys.executable, str(PROGRAM), *map(str, folders)],
+        cwd=tree,
+        env={**os.environ, "PYTHONPATH": str(tree)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise SystemExit(f"the cycle failed in {tree}:\n{done.stderr[-2000:]}")
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def points_of(rows: Sequence[dict[str, float]], stage: str) -> tuple[float, float]:
+    """Median and 95 % point of a stage; the first three frames find plate and track."""
+    values = [row.get(stage, 0.0) for row in rows[3:]]
+    return median(values), float(np.quantile(values, 0.95))
 
 
 def main() -> None:
     """Measure and print."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    scenario = scenario_named("intelsat-14")
-    scene = Scene(scenario, 1)
-    config = Config()
-    rows: dict[str, list[float]] = {}
-    following = Following()
-    planner = Planner(config)
-    with open_reducer(config) as (reducer, _):
-        cycle = Cycle(reducer, config)
-        for number in range(1, count + 1):
-            t_ns = scenario.t_start_utc_ns + number * 30 * NS
-            ra, dec = icrs_of_hour_angle(
-                scenario.site, TARGET_HOUR_ANGLE_DEG, scenario.start_declination_deg, t_ns
-            )
-            pixels, _ = scene.expose(ra, dec, 1.0, False, t_ns, 10.0)
-            frame = Frame(
-                frame_id=number,
-                name=str(number),
-                pixels=pixels,
-                t_start_utc_ns=t_ns,
-                exposure_s=10.0,
-                scale_arcsec_px=config.optics.scale_arcsec_px,
-                pointing_ra_icrs_deg=ra,
-                pointing_dec_icrs_deg=dec,
-            )
-            if number == 1:
-                report = MountReport(
-                    t_utc_ns=t_ns,
-                    ra_icrs_deg=ra,
-                    dec_icrs_deg=dec,
-                    is_slewing=False,
-                    is_parked=False,
-                    is_tracking=True,
-                    pier_side="west",
-                )
-                planner.start_search(report, t_ns)
-            began_s = time.perf_counter()
-            result = cycle.run(frame, following)
-            folded_s = time.perf_counter()
-            following = result.after
-            planner.plan(following, t_ns + 12 * NS)
-            ended_s = time.perf_counter()
-            reduce_ms = result.reduction.stage_ms
-            stages = {
-                **reduce_ms,
-                "filter": (folded_s - began_s) * 1e3 - sum(reduce_ms.values()),
-                "plan": (ended_s - folded_s) * 1e3,
-                "total": (ended_s - began_s) * 1e3,
-            }
-            for stage, value in stages.items():
-                rows.setdefault(stage, []).append(value)
-    print(f"{'stage':10} {'median ms':>10} {'95 % ms':>10}   ({count} frames, {following.state})")
-    for stage, values in rows.items():
-        ordered = sorted(values)
-        tail = ordered[min(len(ordered) - 1, round(0.95 * (len(ordered) - 1)))]
-        print(f"{stage:10} {statistics.median(values):10.1f} {tail:10.1f}")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--frames", type=int, default=20)
+    parser.add_argument("--only", action="append", help="a sky, by its name in the table")
+    parser.add_argument("--against", metavar="COMMIT", help="or another tree's folder")
+    parser.add_argument("--rounds", type=int, default=5, help="of both trees, with --against")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        folders: dict[str, Path] = {}
+        for name, sky in skies().items():
+            if options.only is None or name in options.only:
+                folders[name] = Path(scratch) / name.replace(" ", "_")
+                folders[name].mkdir()
+                write_frames(folders[name], sky, options.frames)
+        if options.against is None:
+            found = measured(HERE, list(folders.values()))["folders"]
+            for name, folder in folders.items():
+                _print_stages(name, found[str(folder)])
+            return
+        with tree_of(options.against) as before:
+            _print_ratios(before, folders, options.rounds)
+
+
+def _print_stages(name: str, found: dict[str, Any]) -> None:
+    streaks = median(found["streaks"])
+    print(f"{name}: {streaks:.0f} streaks, {found['state']}, {len(found['rows'])} frames")
+    print(f"{'stage':10} {'median ms':>10} {'95 % ms':>10}")
+    for stage in found["rows"][-1]:
+        middle, tail = points_of(found["rows"], stage)
+        print(f"{stage:10} {middle:10.1f} {tail:10.1f}")
+
+
+def _print_ratios(before: Path, folders: dict[str, Path], rounds: int) -> None:
+    pairs: list[tuple[dict[str, Any], dict[str, Any]]] = []
+    for number in range(rounds):
+        old, new = (measured(tree, list(folders.values())) for tree in (before, HERE))
+        pairs.append((old, new))
+        print(f"round {number + 1} of {rounds}", file=sys.stderr, flush=True)
+    print(f"{'from frame to plan':22}{'streaks':>9}{'before':>9}{'after':>9}{'ratio':>7}   range")
+    for name, folder in folders.items():
+        both = [(old["folders"][str(folder)], new["folders"][str(folder)]) for old, new in pairs]
+        streaks = "/".join(f"{median(each['streaks']):.0f}" for each in both[0])
+        for at, point in enumerate(("median", "95 %")):
+            ms = [[points_of(each["rows"], "total")[at] for each in pair] for pair in both]
+            _print_row(f"{name}, {point}", streaks, ms)
+    _print_row("memory, MiB", "", [[each["peak_mib"] for each in pair] for pair in pairs])
+
+
+def _print_row(name: str, streaks: str, pairs: Sequence[Sequence[float]]) -> None:
+    ratios = sorted(new / old for old, new in pairs)
+    old, new = (median(each) for each in zip(*pairs, strict=True))
+    print(
+        f"{name:26}{streaks:>5}{old:9.0f}{new:9.0f}{median(ratios):7.2f}   "
+        f"{ratios[0]:.2f} to {ratios[-1]:.2f}"
+    )
 
 
 if __name__ == "__main__":
