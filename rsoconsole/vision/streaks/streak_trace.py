@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from rsoconsole.records import PixelArray
-from rsoconsole.vision.arrays import BoolArray, IndexArray
+from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines.line_strip import (
@@ -80,14 +80,14 @@ def _looked(
     if strip is None:
         return None, False
     length = length_of(ends)
-    columns = np.arange(strip.values.shape[1])
+    count = strip.values.shape[1]
     # Where the frame cuts the strip its middle is not the line's.
     first = (ends[0] - strip.x0_px) * strip.dx + (ends[1] - strip.y0_px) * strip.dy
-    inside = (columns >= first) & (columns <= first + length)
-    if np.count_nonzero(inside) < 4:
+    inside = slice(max(math.ceil(first), 0), min(math.floor(first + length) + 1, count))
+    if inside.stop - inside.start < 4:
         return None, False
     _mask_bright(strip, inside, sigma, off_px)
-    course = _course(strip, columns, inside, sigma, off_px)
+    course = _course(strip, inside, sigma, off_px)
     subtract_sky_beside(strip, course, sigma)
     lit = 0.0, 0.0
     for _ in range(2):
@@ -97,18 +97,18 @@ def _looked(
             return None, False
         lit = stretch
         _mask_what_stands_out(strip, profile, lit)
-        inside = (columns >= lit[0]) & (columns <= lit[1])
+        inside = slice(int(lit[0]), int(lit[1]) + 1)
         length = max(lit[1] - lit[0], 1.0)
-        course = _better(strip, columns, inside, course, sigma)
+        course = _better(strip, inside, course, sigma)
     rim = FWHM_PER_SIGMA * sigma
     goes_on = (lit[0] < rim and not strip.is_cut[0]) or (
-        lit[1] > columns[-1] - rim and not strip.is_cut[1]
+        lit[1] > count - 1 - rim and not strip.is_cut[1]
     )
     profile = profile_of(strip, course, sigma)
     return describe_line(strip, inside, course, profile, trail), goes_on
 
 
-def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: float) -> None:
+def _mask_bright(strip: LineStrip, inside: slice, sigma: float, off_px: float) -> None:
     """Mask pixels far brighter than most of the line, and a star's width about them.
 
     Stars that touch another light are on no list. Where they are much of the line they are its
@@ -118,7 +118,7 @@ def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: floa
 
     ridge = cv2.blur(strip.values, (3, 1))
     near = slice(max(round(strip.reach - off_px), 0), round(strip.reach + off_px) + 1)
-    known = np.where(strip.is_good[near], ridge[near], -np.inf)[:, inside].max(axis=0)
+    known = np.where(strip.is_good[near, inside], ridge[near, inside], -np.inf).max(axis=0)
     known = known[np.isfinite(known)]
     if known.size < _ENOUGH_COLUMNS // 2:
         return
@@ -127,7 +127,7 @@ def _mask_bright(strip: LineStrip, inside: BoolArray, sigma: float, off_px: floa
     side = 2 * round(FWHM_PER_SIGMA * sigma) + 1
     about = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     is_bright = cv2.dilate(is_bright.astype(np.uint8), about) > 0
-    if np.count_nonzero(is_bright[near].any(axis=0) & inside) < _MAX_OUT * inside.sum():
+    if np.mean(is_bright[near, inside].any(axis=0)) < _MAX_OUT:
         strip.is_good[is_bright] = False
 
 
@@ -147,26 +147,24 @@ def _mask_what_stands_out(strip: LineStrip, profile: LineProfile, lit: tuple[flo
         strip.is_good[:, bright] = False
 
 
-def _course(
-    strip: LineStrip, columns: IndexArray, inside: BoolArray, sigma: float, off_px: float
-) -> StripLine:
+def _course(strip: LineStrip, inside: slice, sigma: float, off_px: float) -> StripLine:
     """Find the line on which the limited light of a proposal's parts adds up to most."""
     import cv2
 
-    lit = columns[inside]
+    lit = strip.columns[inside]
     middle = float(lit.mean())
     weight = cv2.getGaussianKernel(2 * math.ceil(3.0 * sigma) + 1, sigma).astype(np.float32)
     starts = _starts_of_parts(lit.size)
-    good = strip.is_good[:, lit].astype(np.float32)
+    good = strip.is_good[:, inside].astype(np.float32)
     known = np.maximum(np.add.reduceat(good, starts, axis=1), 1.0)
-    row = np.add.reduceat(strip.values[:, lit] * good, starts, axis=1) / np.sqrt(known)
+    row = np.add.reduceat(strip.values[:, inside] * good, starts, axis=1) / np.sqrt(known)
     smooth = cv2.filter2D(row, -1, weight, borderType=cv2.BORDER_REFLECT_101)
     light = (smooth / float(np.sqrt((weight**2).sum()))).T
     place = np.add.reduceat(lit, starts) / np.diff(starts, append=lit.size)
     # Of a bright line all that is near it would be alike: most of its parts tell how bright it is.
     typical = median_of(light.max(axis=1))
     light = np.clip(light, -2.0, max(CLIP, _TIMES_TYPICAL * typical))
-    half = max(0.5 * float(inside.sum()), 1.0)
+    half = max(0.5 * lit.size, 1.0)
     offsets = np.arange(-off_px, off_px + 0.25, 0.5)
     slopes = np.arange(-off_px, off_px + 0.25, 0.5) / max(half, off_px / _MAX_SLOPE)
     rows = offsets[:, None, None] + slopes[:, None] * (place - middle) + strip.reach
@@ -204,11 +202,9 @@ def _lit_stretch(profile: LineProfile, middle: float, half: float) -> tuple[floa
     return span
 
 
-def _better(
-    strip: LineStrip, columns: IndexArray, inside: BoolArray, course: StripLine, sigma: float
-) -> StripLine:
+def _better(strip: LineStrip, inside: slice, course: StripLine, sigma: float) -> StripLine:
     """Fit the line through the middles of the lit parts, with its errors."""
-    chosen = columns[inside]
+    chosen = strip.columns[inside]
     middle = float(chosen.mean())
     start = StripLine(
         middle, float(course.at(middle)), course.slope, course.sigma_offset, course.sigma_slope
@@ -216,7 +212,7 @@ def _better(
     v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     starts = _starts_of_parts(chosen.size)
     centres = np.add.reduceat(chosen, starts) / np.diff(starts, append=chosen.size) - middle
-    values, is_good = strip.values[:, chosen], strip.is_good[:, chosen]
+    values, is_good = strip.values[:, inside], strip.is_good[:, inside]
     for _ in range(3):
         off = v - start.at(chosen).astype(np.float32)
         weight = gaussian_weights(strip, chosen, start, sigma)

@@ -113,15 +113,14 @@ class LineTrace:
 
 def describe_line(
     strip: LineStrip,
-    inside: BoolArray,
+    inside: slice,
     course: StripLine,
     profile: LineProfile,
     trail: StarTrail | None,
 ) -> LineTrace | None:
-    lit = profile.columns[inside]
-    if np.count_nonzero(inside & profile.is_known) < 4:
+    if np.count_nonzero(profile.is_known[inside]) < 4:
         return None
-    first, last, size = float(lit[0]) - 0.5, float(lit[-1]) + 0.5, profile.columns.size
+    first, last, size = inside.start - 0.5, inside.stop - 0.5, profile.columns.size
     rim = 1.5 * FWHM_PER_SIGMA * profile.sigma
     is_open = (strip.is_cut[0] and first < rim, strip.is_cut[1] and last > size - 1 - rim)
     a, sigma_a = (-0.5, 0.0) if is_open[0] else _edge(profile, first, 1, last - first)
