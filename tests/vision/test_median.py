@@ -1,4 +1,4 @@
-"""The quick median is numpy's own, to the last bit."""
+"""The quick median is numpy's own, to the last bit, and the quick percentile to rounding."""
 
 import math
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.frame.median import median_of, percentile_of
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, width=32)
 
@@ -29,3 +29,11 @@ def test_whole_numbers_and_rows_are_taken_too():
     assert median_of(np.array([[1, 2], [3, 5]], np.uint16)) == 2.5
     assert median_of([3.0, 1.0, 2.0]) == 2.0
     assert math.isnan(median_of(np.array([])))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 1), (5, 10), (37, 83)])
+@pytest.mark.parametrize("percent", [0.0, 50.0, 98.0])
+def test_the_percentile_is_that_of_numpy(shape, percent):
+    values = np.random.default_rng(1).normal(size=shape).astype(np.float32)
+    expected = np.percentile(values, percent)
+    assert percentile_of(values, percent) == pytest.approx(expected, abs=1e-6)

@@ -97,13 +97,14 @@ def merged_proposals(boxes: Sequence[NetworkBox], lines: Sequence[CellLine]) -> 
     said = np.array([box.confidence for box in boxes])
     ends = np.array([box.ends_px for box in boxes]).reshape(-1, 4)
     lengths = np.hypot(ends[:, 2] - ends[:, 0], ends[:, 3] - ends[:, 1])
+    lines_px = [(line.x_a, line.y_a, line.x_b, line.y_b) for line in lines]
+    alike = _are_of_one_streak(np.array(lines_px).reshape(-1, 4), ends)
     found = []
-    for line in lines:
-        ends_px = line.x_a, line.y_a, line.x_b, line.y_b
+    for line, ends_px, of_line in zip(lines, lines_px, alike, strict=True):
         box = NetworkBox(
             confidence=LOWEST_CONFIDENCE, corners_px=box_about(ends_px), ends_px=ends_px
         )
-        same, is_light = _of_one_streak(ends, box.ends_px) & is_left, line.is_light
+        same, is_light = of_line & is_left, line.is_light
         if is_light:
             # A light may be a piece of what the network sees whole.
             same &= lengths < _MUCH_LONGER * box.length_px
@@ -133,25 +134,26 @@ def ranked_proposals(found: Sequence[Proposal]) -> list[Proposal]:
     return [found[i] for i in sorted(range(len(found)), key=lambda i: place[i])]
 
 
-def _of_one_streak(boxes: FloatArray, line: Ends) -> BoolArray:
-    """True for boxes (n, 4), from end to end, that lie near the line and run in its direction."""
-    along = boxes[:, 2:] - boxes[:, :2]
-    lengths = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1.0)
-    dx, dy = line[2] - line[0], line[3] - line[1]
-    length = max(math.hypot(dx, dy), 1.0)
-    turn = np.abs(along[:, 0] * dy - along[:, 1] * dx) / (lengths * length)
-    shorter = np.minimum(lengths, length)
+def _are_of_one_streak(lines: FloatArray, boxes: FloatArray) -> BoolArray:
+    """True where a box lies near a line and runs in its direction: (lines, boxes).
+
+    Both have rows from end to end: x_a, y_a, x_b, y_b.
+    """
+    x_a, y_a, x_b, y_b = lines.T[:, :, None]
+    box_x_a, box_y_a, box_x_b, box_y_b = boxes.T[:, None]
+    dx, dy, box_dx, box_dy = x_b - x_a, y_b - y_a, box_x_b - box_x_a, box_y_b - box_y_a
+    length = np.maximum(np.hypot(dx, dy), 1.0)
+    box_length = np.maximum(np.hypot(box_dx, box_dy), 1.0)
+    turn = np.abs(box_dx * dy - box_dy * dx) / (box_length * length)
+    shorter = np.minimum(box_length, length)
     leeway = np.sin(np.minimum(np.radians(SAME_STREAK_DEG) + _LEEWAY_PX / shorter, 1.5))
-    middle = 0.5 * (boxes[:, 2:] + boxes[:, :2])
-    off_x = middle[:, 0] - 0.5 * (line[0] + line[2])
-    off_y = middle[:, 1] - 0.5 * (line[1] + line[3])
+    off_x = 0.5 * (box_x_a + box_x_b) - 0.5 * (x_a + x_b)
+    off_y = 0.5 * (box_y_a + box_y_b) - 0.5 * (y_a + y_b)
     of_line = np.abs(off_y * dx - off_x * dy) / length
-    of_box = np.abs(off_y * along[:, 0] - off_x * along[:, 1]) / lengths
-    apart = np.hypot(off_x, off_y)
-    reach = 0.5 * np.maximum(lengths, length) + _LEEWAY_PX
-    return np.asarray(
-        (turn < leeway) & (np.minimum(of_line, of_box) < _LEEWAY_PX) & (apart < reach)
-    )
+    of_box = np.abs(off_y * box_dx - off_x * box_dy) / box_length
+    reach = 0.5 * np.maximum(box_length, length) + _LEEWAY_PX
+    is_near = (np.minimum(of_line, of_box) < _LEEWAY_PX) & (np.hypot(off_x, off_y) < reach)
+    return np.asarray((turn < leeway) & is_near)
 
 
 @dataclass(slots=True)
@@ -195,7 +197,7 @@ class FrameCandidates:
 
     def has(self, proposal: Proposal) -> bool:
         """Return True where a proposal is a single light, a piece of a line already measured."""
-        if not proposal.is_light:
+        if not proposal.is_light or not self.taken:
             return False
         piece = detection_from_box(self.frame, proposal.box)
         return any(

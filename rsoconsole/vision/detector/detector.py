@@ -25,7 +25,6 @@ from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.measured_detection import (
     Candidate,
     PointImage,
-    detection_from_box,
     distinct_boxes,
     is_parallel_to_any,
     with_midpoint_at_box_centre,
@@ -312,11 +311,11 @@ class StreakDetector:
                 fits += 1
                 measured.measure(each)
         judged = (each.found for each in self._judged(measured.taken, focus))
-        risen = [found for found in judged if found.confidence > threshold]
+        risen_deg = [found.angle_deg for found in judged if found.confidence > threshold]
         witnesses = 0
         for each in others:
-            is_asked = risen and witnesses < (0 if self._is_quick else MAX_WITNESSES)
-            alike = is_asked and is_parallel_to_any(detection_from_box(frame, each.box), risen)
+            is_asked = risen_deg and witnesses < (0 if self._is_quick else MAX_WITNESSES)
+            alike = is_asked and is_parallel_to_any(each.box.angle_deg, risen_deg)
             if alike and measured.quick_rejection(each) is None:
                 witnesses += 1
                 measured.measure(each)

@@ -1,6 +1,7 @@
 """Detections as recorded: from a fit, a trace, or a proposed box alone."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -263,10 +264,9 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
     return _lies_on(one, other) or _lies_on(other, one)
 
 
-def is_parallel_to_any(one: Detection, others: list[Detection]) -> bool:
-    """True where ``one`` has the direction of any of ``others`` within 6 deg."""
-    turns = (line_angle_deg(one.angle_deg, other.angle_deg) for other in others)
-    return any(turn < _RUNS_ALIKE_DEG for turn in turns)
+def is_parallel_to_any(angle_deg: float, others_deg: Iterable[float]) -> bool:
+    """True where one direction is any of the others within 6 deg."""
+    return any(line_angle_deg(angle_deg, other) < _RUNS_ALIKE_DEG for other in others_deg)
 
 
 def _lies_on(one: Detection, other: Detection) -> bool:

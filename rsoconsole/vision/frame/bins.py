@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
 from rsoconsole.vision.arrays import ByteArray, Float32Array, IndexArray
+from rsoconsole.vision.frame.median import percentile_of
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 CELL_PX = 16
@@ -269,7 +270,7 @@ def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
     Cells much brighter than the 98th percentile of all are clipped, as stars. ``is_sky``: True
     where such cells may be sky (an amplifier's glow); medians that bright are then kept.
     """
-    low, high = (float(v) for v in np.percentile(cells, (0.0, 98.0)))
+    low, high = float(cells.min()), percentile_of(cells, 98.0)
     # Cells brighter than most are stars: where exactly they lie cannot move a median.
     high += 0.25 * (high - low)
     step = max(high - low, 1e-6) / _MAX_CODE
@@ -285,7 +286,7 @@ def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
 def _median_of_codes(codes: Float32Array) -> npt.NDArray[np.uint16]:
     import cv2
 
-    whole = np.clip(codes, 0.0, _MAX_CODE).astype(np.uint16)
+    whole = np.clip(codes, 0.0, _MAX_CODE, out=codes).astype(np.uint16)
     # Mirrored, not repeated: a star in a corner must not count nine times.
     framed = cv2.copyMakeBorder(whole, 2, 2, 2, 2, cv2.BORDER_REFLECT_101)
     return np.asarray(cv2.medianBlur(framed, 5)[2:-2, 2:-2])

@@ -1,13 +1,13 @@
 """Seeds of lines: sums of cells along straight lines that exceed a threshold. Pure."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from rsoconsole.vision.arrays import Float32Array
+from rsoconsole.records import FloatArray
+from rsoconsole.vision.arrays import Float32Array, IndexArray
 
 THRESHOLD, LONG_THRESHOLD = 5.0, 4.6
 """Thresholds of a short and a long partial sum to be traced, in sigma of the cells' scatter."""
@@ -22,27 +22,16 @@ _STEPS = 24.0
 _MAX_STEPS = 32767 >> _LONGEST
 
 
-@dataclass(frozen=True, slots=True)
-class LineSeed:
-    """Straight line of cells whose sum exceeds the threshold, by both of its ends in cells.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LineSeeds:
+    """Straight lines of cells whose sums exceed their threshold."""
 
-    0 is the centre of the first cell; ``rows`` counts the cells along the line.
-    """
-
-    snr: float
-    rows: int
-    x_a: int
-    y_a: int
-    x_b: int
-    y_b: int
-
-    @property
-    def group_key(self) -> tuple[int, bool]:
-        """Key by which seeds are grouped: number of cells, and True along a row or column.
-
-        Bad rows and columns of the sensor are in groups of their own that way.
-        """
-        return self.rows, self.x_a == self.x_b or self.y_a == self.y_b
+    rows: IndexArray
+    """(n,) numbers of cells along them."""
+    snr: FloatArray
+    """(n,) sums over their noise."""
+    ends: IndexArray
+    """(n, 4) first and last cell: x_a, y_a, x_b, y_b; 0 is the centre of the first cell."""
 
 
 def sum_threshold_sigma(rows: int) -> float:
@@ -50,66 +39,72 @@ def sum_threshold_sigma(rows: int) -> float:
     return THRESHOLD if rows < _LONG_ROWS else LONG_THRESHOLD
 
 
-def find_seeds(cells: Float32Array) -> Iterator[LineSeed]:
-    """Yield the sums along straight lines in a map of signal to noise that exceed their threshold.
+def find_seeds(cells: Float32Array) -> LineSeeds:
+    """Return the sums along straight lines in a map of signal to noise that exceed their threshold.
 
     ``cells``: (rows, columns), in sigma. Lines run in all directions.
     """
-    steps = np.clip(np.rint(cells * np.float32(_STEPS)), -_MAX_STEPS, _MAX_STEPS)
+    steps = cells * np.float32(_STEPS)
+    np.clip(np.rint(steps, out=steps), -_MAX_STEPS, _MAX_STEPS, out=steps)
     whole = steps.astype(np.int16)
-    for is_turned in (False, True):
+    found = []
+    for turned, order in ((whole, [1, 0, 3, 2]), (np.ascontiguousarray(whole.T), [0, 1, 2, 3])):
         for is_flipped in (False, True):
-            table = whole.T if is_turned else whole
-            last = table.shape[1] - 1
-            table = np.ascontiguousarray(table[:, ::-1] if is_flipped else table)
-            for snr, row, x, rows, shift in _sums_that_stand_out(table):
-                x_a, x_b = (last - x, last - x - shift) if is_flipped else (x, x + shift)
-                y_a, y_b = row, row + rows - 1
-                ends = (y_a, x_a, y_b, x_b) if is_turned else (x_a, y_a, x_b, y_b)
-                yield LineSeed(snr, rows, *ends)
+            rows, snr, ends = _sums_that_stand_out(turned[:, ::-1] if is_flipped else turned)
+            if is_flipped:
+                ends[:, 1::2] = turned.shape[1] - 1 - ends[:, 1::2]
+            found.append((rows, snr, ends[:, order]))
+    rows, snr, ends = (np.concatenate(each) for each in zip(*found, strict=True))
+    return LineSeeds(rows=rows, snr=snr, ends=ends)
 
 
 def _sums_that_stand_out(
     table: npt.NDArray[np.int16],
-) -> Iterator[tuple[float, int, int, int, int]]:
-    """Yield (snr, first row, first column, rows, right shift) of lines no flatter than 45 deg."""
+) -> tuple[IndexArray, FloatArray, IndexArray]:
+    """Return the best lines to the right, no flatter than 45 deg.
+
+    Their numbers of rows, SNR, and ends (n, 4), each as row and column.
+    """
     height, width = table.shape
+    # Zeros where lines leave the table to the right.
+    wide, step = width + (1 << _LONGEST - 1), table.itemsize
+    sums, longer = np.zeros((2, height, wide), dtype=table.dtype)
+    sums[:, :width] = table
+    found: list[tuple[IndexArray, ...]] = [(np.empty(0, np.intp),) * 5]
     # Part j, shift s, column x: the line from row j * rows, column x, to s columns further right.
-    sums = table[:, None, :]
     for level in range(1, _LONGEST + 1):
         rows = 1 << level
-        parts = height // rows
+        half, parts = rows // 2, height // rows
         if parts == 0:
-            return
-        longer = np.empty((parts, rows, width), dtype=table.dtype)
-        upper, lower = sums[: 2 * parts : 2], sums[1 : 2 * parts : 2]
-        for shift in range(min(rows, width)):
-            first, second = shift // 2, (shift + 1) // 2
-            inside = width - second
-            np.add(
-                upper[:, first, :inside], lower[:, first, second:], out=longer[:, shift, :inside]
-            )
-            longer[:, shift, inside:] = upper[:, first, inside:]
+            break
+        height = parts * rows
+        upper = sums[:height].reshape(parts, 2, half, 1, wide)[:, 0, ..., :width]
+        # A line's halves have half of its shift; the lower begins there, or a column further right.
+        lower = np.ndarray(
+            (parts, half, 2, width),
+            sums.dtype,
+            sums,
+            half * wide * step,
+            (rows * wide * step, (wide + 1) * step, step, step),
+        )
+        longer = longer[:height].reshape(parts, half, 2, wide)
+        np.add(upper, lower, out=longer[..., :width])
+        longer = longer.reshape(parts, rows, wide)
         longer[:, width:] = 0
-        sums = longer
         if level >= _SHORTEST:
-            yield from _maxima(sums, rows, sum_threshold_sigma(rows) * _STEPS)
-
-
-def _maxima(
-    sums: npt.NDArray[np.int16], rows: int, threshold: float
-) -> Iterator[tuple[float, int, int, int, int]]:
-    """Yield the best line of every part and every block of columns, above a threshold in steps."""
-    parts, _, width = sums.shape
-    step = max(rows // 2, 4)
-    best = sums.max(axis=1)
-    spare = -width % step
-    if spare:
-        best = np.pad(best, ((0, 0), (0, spare)), constant_values=0)
-    highest = best.reshape(parts, -1, step).max(axis=2)
-    limit = threshold * math.sqrt(rows)
-    for part, tile in np.argwhere(highest > limit).tolist():
-        window = sums[part, :, tile * step : (tile + 1) * step]
-        shift, x = divmod(int(np.argmax(window)), window.shape[1])
-        snr = float(window[shift, x]) / math.sqrt(rows) / _STEPS
-        yield snr, part * rows, tile * step + x, rows, shift
+            highest = longer.max(axis=1)
+            limit = int(sum_threshold_sigma(rows) * _STEPS * math.sqrt(rows))
+            part, x = np.divmod(np.flatnonzero(highest > limit), wide)
+            shift = longer[part, :, x].argmax(axis=1)
+            found.append((np.full(part.size, rows), part * rows, x, shift, highest[part, x]))
+        sums, longer = longer.reshape(height, wide), sums
+    count, row, x, shift, value = (np.concatenate(each) for each in zip(*found, strict=True))
+    # The best of every part and every block of columns.
+    block = x // np.maximum(count // 2, 4)
+    order = np.lexsort((shift, -value, block, row, count))
+    place = np.stack([count, row, block])[:, order]
+    is_best = np.append(True, (place[:, 1:] != place[:, :-1]).any(axis=0))[: order.size]
+    best = order[is_best]
+    count, row, x, shift = count[best], row[best], x[best], shift[best]
+    snr = value[best] / (_STEPS * np.sqrt(count))
+    return count, snr, np.stack([row, x, row + count - 1, x + shift], axis=1)

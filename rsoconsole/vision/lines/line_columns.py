@@ -47,9 +47,8 @@ def smoothed_snr_strip(
     column, row = np.float32(x) + cos * u - sin * v, np.float32(y) + sin * u + cos * v
     height, width = pixels.shape
     is_inside = (column > -0.5) & (column < width - 0.5) & (row > -0.5) & (row < height - 0.5)
-    columns_px = np.clip(np.rint(column), 0, width - 1).astype(np.intp)
-    rows_px = np.clip(np.rint(row), 0, height - 1).astype(np.intp)
-    strip = pixels[rows_px, columns_px].astype(np.float32)
+    nearest = cv2.remap(pixels, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+    strip = nearest.astype(np.float32)
     along = 0.5 * (columns - 1)
     dx, dy = along * math.cos(angle), along * math.sin(angle)
     levels = [sky.at(sky.level, x + k * dx, y + k * dy) for k in (-1, 0, 1)]

@@ -8,7 +8,10 @@ the line are found; the line's light is then removed, so that it adds nothing to
 """
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +19,9 @@ from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background, resample
 from rsoconsole.vision.frame.bins import CELL_PX, median_5x5, perpendicular_line_masks
-from rsoconsole.vision.lines._line_seeds import LineSeed, find_seeds, sum_threshold_sigma
+from rsoconsole.vision.frame.median import percentile_of
+from rsoconsole.vision.lines._line_seeds import LineSeeds, find_seeds, sum_threshold_sigma
+from rsoconsole.vision.lines.segments import Ends, length_of, midpoint_of
 from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
 
 MIN_SNR = 5.0
@@ -40,6 +45,7 @@ _SMOOTHED, _SMOOTHED_NOISE = 0.6, 0.655
 _STILL_THERE = 0.7
 _REACH = 2
 """Cells to either side of a line that are searched for its course."""
+_ACROSS = np.arange(-_REACH, _REACH + 1, dtype=np.float64)[:, None]
 _CHUNKS = 8
 _MAX_PARTS, _LIT_SHARE, _MIN_LIT = 16, 0.4, 3.0
 """Number of parts of a sum, least share of it in middling ones, least sigma if all were so."""
@@ -81,10 +87,11 @@ def propose_lines(
     rows, columns = squares.shape
     per_cell = sky.cell_px // side_px
     cells = squares - resample(sky.level, per_cell, rows, columns)
-    cells *= np.float32(side_px) / resample(sky.noise, per_cell, rows, columns)
+    noise = resample(sky.noise, per_cell, rows, columns)
+    cells *= np.divide(np.float32(side_px), noise, out=noise)
     cells = limited_snr(cells)
     cells -= _around(cells, FINEST_PX // side_px)
-    _cover(cells, side_px, stars, float(np.median(sky.noise)))
+    _cover(cells, side_px, stars, percentile_of(sky.noise, 50.0))
     found = [(line, side_px) for line in find_lines(cells)]
     # What draws the stars out may draw a streak out as far, to a band.
     coarser = 0 if stars.trail is None else round(_OF_A_BAND * stars.trail.length_px / side_px)
@@ -166,16 +173,17 @@ def limited_snr(cells: Float32Array) -> Float32Array:
     """
     import cv2
 
-    line = np.zeros_like(cells)
+    line, opened, other = np.zeros_like(cells), np.empty_like(cells), np.empty_like(cells)
     for along, across in perpendicular_line_masks():
-        opened, other = (
-            cv2.morphologyEx(cells, cv2.MORPH_OPEN, kernel, borderType=cv2.BORDER_REFLECT_101)
-            for kernel in (along, across)
-        )
-        cv2.max(line, cv2.absdiff(opened, other), line)
-    out = np.clip(cells, -_LIMIT, np.clip(line, _LIMIT, _MOST))
-    out[(cells > _SURELY_LIGHT) & (line < _NO_LINE)] = 0.0
-    return out
+        for kernel, out in ((along, opened), (across, other)):
+            cv2.morphologyEx(cells, cv2.MORPH_OPEN, kernel, out, borderType=cv2.BORDER_REFLECT_101)
+        cv2.max(line, cv2.absdiff(opened, other, other), line)
+    is_star = (cells > _SURELY_LIGHT) & (line < _NO_LINE)
+    # One limit after the other: numpy clips at arrays several times slower.
+    np.minimum(np.maximum(line, _LIMIT, out=line), _MOST, out=line)
+    limited = np.maximum(np.minimum(cells, line, out=line), -_LIMIT, out=line)
+    limited[is_star] = 0.0
+    return limited
 
 
 def find_lines(cells: Float32Array) -> list[CellLine]:
@@ -191,28 +199,31 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     scatter = float(shown.std()) if shown.size else 0.0
     if scatter <= 0.0:
         return []
-    left = (cells - np.float32(shown.mean())) / np.float32(scatter)
+    left = cells - np.float32(shown.mean())
+    left /= np.float32(scatter)
     left[~is_open] = 0.0
     # A line between two cells, or where the sums' own course is a cell beside it, counts more so.
     smooth = cv2.GaussianBlur(left, (3, 3), _SMOOTHED)
     smooth /= np.float32(_SMOOTHED_NOISE)
-    seeds: dict[tuple[int, bool], list[LineSeed]] = {}
-    for seed in find_seeds(smooth):
-        seeds.setdefault(seed.group_key, []).append(seed)
-    lit = [each for alike in seeds.values() for each in _lit_all_along(smooth, alike)]
+    seeds = find_seeds(smooth)
+    lit = [
+        seed
+        for rows in np.unique(seeds.rows).tolist()
+        for seed in _lit_all_along(smooth, seeds, rows)
+    ]
     found: list[CellLine] = []
-    traced = dict.fromkeys(seeds, 0)
-    for _, seed in sorted(lit, key=lambda each: -each[0]):
+    traced: Counter[tuple[int, bool]] = Counter()
+    for seed in sorted(lit, key=lambda each: -each.middling_snr):
         # In a field of stars thousands of short sums stand out, and bad columns are long: all that
         # is alike has its share.
-        if traced[seed.group_key] == _MAX_TRACED:
+        kind = seed.rows, seed.is_straight
+        if traced[kind] == _MAX_TRACED:
             continue
-        if _what_is_left(smooth, seed) < max(
-            _STILL_THERE * seed.snr, sum_threshold_sigma(seed.rows)
-        ):
+        snr = float(smooth.take(seed.cells).sum()) / math.sqrt(seed.rows)
+        if snr < max(_STILL_THERE * seed.snr, sum_threshold_sigma(seed.rows)):
             continue
-        line = _traced(left, seed)
-        traced[seed.group_key] += 1
+        traced[kind] += 1
+        line = _traced(left, seed.ends)
         if line is not None:
             _erase(left, line)
             _erase(smooth, line)
@@ -223,75 +234,73 @@ def find_lines(cells: Float32Array) -> list[CellLine]:
     return sorted(found, key=lambda line: -line.snr)
 
 
-def _lit_all_along(cells: Float32Array, seeds: list[LineSeed]) -> list[tuple[float, LineSeed]]:
-    """Sums of one length whose light is not that of a few bright places, best first.
+class _LitSeed(NamedTuple):
+    """Sum along a straight line of cells whose light is not that of a few bright places."""
 
-    Each comes with the signal to noise that its middling parts give the whole.
-    """
-    rows = seeds[0].rows
-    seeds = sorted(seeds, key=lambda seed: -seed.snr)[:_MAX_SEEDS]
-    t = np.linspace(0.0, 1.0, rows)
-    ends = np.array([(s.x_a, s.y_a, s.x_b, s.y_b) for s in seeds], dtype=np.float64)
-    columns = np.rint(ends[:, :1] + (ends[:, 2:3] - ends[:, :1]) * t).astype(np.intp)
-    lines = np.rint(ends[:, 1:2] + (ends[:, 3:] - ends[:, 1:2]) * t).astype(np.intp)
-    light = cells[lines.clip(0, cells.shape[0] - 1), columns.clip(0, cells.shape[1] - 1)]
-    parts = light.reshape(len(seeds), min(max(rows // 2, 4), _MAX_PARTS), -1).mean(axis=2)
-    middling = (np.median(parts, axis=1) * math.sqrt(rows)).tolist()
+    middling_snr: float
+    """Signal to noise that its middling parts give the whole."""
+    snr: float
+    rows: int
+    is_straight: bool
+    ends: Ends
+    cells: IndexArray
+    """Its cells inside the map, counted row by row."""
+
+
+def _lit_all_along(cells: Float32Array, seeds: LineSeeds, rows: int) -> list[_LitSeed]:
+    """Sums of one length that are lit all along; of many of a kind those with the most light."""
+    alike = seeds.rows == rows
+    snr, ends = seeds.snr[alike], seeds.ends[alike]
+    is_straight = (ends[:, :2] == ends[:, 2:]).any(axis=1)
+    order = np.argsort(-snr, kind="stable")
+    kinds = dict.fromkeys(is_straight.tolist())
+    best = np.concatenate([order[is_straight[order] == kind][:_MAX_SEEDS] for kind in kinds])
+    snr, first, last = snr[best], ends[best, :2], ends[best, 2:]
+    along = np.arange(rows) / (rows - 1)
+    path = np.rint(first[..., None] + (last - first)[..., None] * along).astype(np.intp)
+    inside = np.minimum(np.maximum(path, 0), np.array(cells.shape[::-1])[:, None] - 1)
+    is_in = (path == inside).all(axis=1)
+    places = inside[:, 1] * cells.shape[1] + inside[:, 0]
+    parts = cells.take(places).reshape(len(best), min(max(rows // 2, 4), _MAX_PARTS), -1)
+    parts = np.sort(parts.mean(axis=2), axis=1)
+    middle = parts.shape[1] // 2
+    middling = 0.5 * (parts[:, middle - 1] + parts[:, middle]) * math.sqrt(rows)
+    is_lit = middling > np.maximum(_LIT_SHARE * snr, _MIN_LIT)
     return [
-        (value, seed)
-        for value, seed in zip(middling, seeds, strict=True)
-        if value > max(_LIT_SHARE * seed.snr, _MIN_LIT)
+        _LitSeed(
+            float(middling[i]),
+            float(snr[i]),
+            rows,
+            bool(is_straight[best[i]]),
+            (*first[i].tolist(), *last[i].tolist()),
+            places[i, is_in[i]],
+        )
+        for i in np.flatnonzero(is_lit).tolist()
     ]
 
 
-def _what_is_left(cells: Float32Array, seed: LineSeed) -> float:
-    """Sum along a seed over its noise, in the map as it is now."""
-    count = max(abs(seed.x_b - seed.x_a), abs(seed.y_b - seed.y_a)) + 1
-    column = _cells_between(seed.x_a, seed.x_b, count)
-    row = _cells_between(seed.y_a, seed.y_b, count)
-    is_in = (column >= 0) & (column < cells.shape[1]) & (row >= 0) & (row < cells.shape[0])
-    return float(cells[row[is_in], column[is_in]].sum()) / math.sqrt(count)
-
-
-def _cells_between(first: int, last: int, count: int) -> IndexArray:
-    """(count,) cells nearest to an even division, in a quarter of the time of ``linspace``."""
-    if count == 1:
-        return np.array([first], np.intp)
-    places = np.arange(count, dtype=np.float64) * ((last - first) / (count - 1)) + first
-    places[-1] = last
-    return np.rint(places).astype(np.intp)
-
-
-def _traced(cells: Float32Array, seed: LineSeed) -> CellLine | None:
+def _traced(cells: Float32Array, ends: Ends) -> CellLine | None:
     """Trace the lit stretch of a seed's line, which may go on beyond it, along the light itself."""
-    x, y = 0.5 * (seed.x_a + seed.x_b), 0.5 * (seed.y_a + seed.y_b)
-    half = 0.5 * math.hypot(seed.x_b - seed.x_a, seed.y_b - seed.y_a) + 0.5
-    angle = math.atan2(seed.y_b - seed.y_a, seed.x_b - seed.x_a)
-    stretch: tuple[float, float, float] | None = None
+    x, y = midpoint_of(ends)
+    half = 0.5 * length_of(ends) + 0.5
+    angle = math.atan2(ends[3] - ends[1], ends[2] - ends[0])
+    snr = 0.0
     for _ in range(3):
-        about = _about(cells, x, y, angle, half + _BEYOND + half)
-        if about is None:
+        about = _about(cells, x, y, angle, half)
+        if about is None or about[0].size < 3:
             return None
-        u, light = about
-        inside = np.abs(u) <= half
-        if np.count_nonzero(inside) < 3:
-            return None
-        offset, slope = _course(u[inside], light[:, inside])
+        offset, slope = _course(*about)
         x, y = x - offset * math.sin(angle), y + offset * math.cos(angle)
         angle += math.atan(slope)
         stretch = _stretch(cells, x, y, angle, half)
         if stretch is None:
             return None
-        _, u_a, u_b = stretch
+        snr, u_a, u_b = stretch
         x, y = x + 0.5 * (u_a + u_b) * math.cos(angle), y + 0.5 * (u_a + u_b) * math.sin(angle)
         half = 0.5 * (u_b - u_a)
-    if stretch is None:
-        return None
     dx, dy = half * math.cos(angle), half * math.sin(angle)
     # From the first cell's middle to its edge.
-    return CellLine(
-        x_a=x - dx + 0.5, y_a=y - dy + 0.5, x_b=x + dx + 0.5, y_b=y + dy + 0.5, snr=stretch[0]
-    )
+    return CellLine(x_a=x - dx + 0.5, y_a=y - dy + 0.5, x_b=x + dx + 0.5, y_b=y + dy + 0.5, snr=snr)
 
 
 def _about(
@@ -312,36 +321,39 @@ def _about(
     if high - low < 2.0:
         return None
     u = np.arange(math.ceil(low), math.floor(high) + 1, dtype=np.float64)
-    v = np.arange(-_REACH, _REACH + 1)[:, None]
-    columns, rows = (
-        (x + dx * u - dy * v).astype(np.float32),
-        (y + dy * u + dx * v).astype(np.float32),
-    )
+    columns = (x + dx * u - dy * _ACROSS).astype(np.float32)
+    rows = (y + dy * u + dx * _ACROSS).astype(np.float32)
     light = cv2.remap(cells, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return u, np.asarray(light, dtype=np.float32)
 
 
 def _course(u: FloatArray, light: Float32Array) -> tuple[float, float]:
     """Offset and slope of the light along a line, from its middles in a few chunks."""
-    count = max(1, min(_CHUNKS, u.size // 4))
-    v = np.arange(-_REACH, _REACH + 1)
-    # Chunks of one size; what is left over goes with the last.
-    bounds = np.linspace(0, u.size, count + 1).astype(np.intp)
-    across = np.add.reduceat(light, bounds[:-1], axis=1) / np.diff(bounds)
+    starts, sizes, middles_of_chunks = _chunks(u.size)
+    across = np.add.reduceat(light, starts, axis=1) / sizes
     across = np.maximum(across - np.sort(across, axis=0)[1], 0.0)
     weight = across.sum(axis=0)
-    if not weight.any():
+    total = float(weight.sum())
+    if total <= 0.0:
         return 0.0, 0.0
-    middles = v @ across / np.maximum(weight, _SMALLEST)
-    places = np.add.reduceat(u, bounds[:-1]) / np.diff(bounds)
-    middle = float(weight @ places / weight.sum())
-    offset, away = float(weight @ middles / weight.sum()), places - middle
+    middles = _ACROSS[:, 0] @ across / np.maximum(weight, _SMALLEST)
+    places = u[0] + middles_of_chunks
+    middle, offset = float(weight @ places) / total, float(weight @ middles) / total
+    away = places - middle
     spread = float(weight @ away**2)
-    slope = 0.0 if count < 2 or spread <= 0.0 else float(weight @ (middles * away)) / spread
+    slope = 0.0 if starts.size < 2 or spread <= 0.0 else float(weight @ (middles * away)) / spread
     offset -= slope * middle
     # No further than the window shows.
-    most = _REACH / max(float(np.abs(u).max()), 1.0)
-    return float(np.clip(offset, -_REACH, _REACH)), float(np.clip(slope, -most, most))
+    most = _REACH / max(-u[0], u[-1], 1.0)
+    return min(max(offset, -_REACH), _REACH), min(max(slope, -most), most)
+
+
+@lru_cache(maxsize=256)
+def _chunks(count: int) -> tuple[IndexArray, IndexArray, FloatArray]:
+    """Starts, sizes and middles of a few chunks of ``count`` places, about as long."""
+    chunks = max(1, min(_CHUNKS, count // 4))
+    bounds = np.arange(chunks + 1) * count // chunks
+    return bounds[:-1], bounds[1:] - bounds[:-1], (bounds[:-1] + bounds[1:] - 1) / 2
 
 
 def _stretch(
@@ -353,11 +365,11 @@ def _stretch(
         return None
     u, light = about
     profile = (light[_REACH - 1] + 2.0 * light[_REACH] + light[_REACH + 1]) * 0.5
-    inside = np.abs(u) <= half
-    level = float(profile[inside].mean()) if inside.any() else 0.0
+    inside = profile[np.abs(u) <= half]
+    level = float(inside.sum() / max(inside.size, 1))
     if level <= 0.0:
         return None
-    total = np.concatenate([[0.0], np.cumsum(np.minimum(profile, 2.0 * level) - _LIT * level)])
+    total = _running_sum(np.minimum(profile, 2.0 * level) - _LIT * level)
     end = int(np.argmax(total - np.minimum.accumulate(total)))
     start = int(np.argmin(total[: end + 1]))
     if end - start < 2:
@@ -367,13 +379,20 @@ def _stretch(
     return snr, float(u[start]) - 0.5, float(u[end - 1]) + 0.5
 
 
+def _running_sum(values: Float32Array) -> FloatArray:
+    """Sums of the values before every place: (n + 1,), first 0."""
+    total = np.zeros(values.size + 1)
+    total[1:] = np.cumsum(values)
+    return total
+
+
 def _without_gap(profile: Float32Array, start: int, end: int, level: float) -> tuple[int, int]:
     """Stretch, or the brighter of its parts where much between them is dark: two streaks."""
     most = int(_MAX_GAP * (end - start))
     if most < _MIN_GAP:
         return start, end
     # Mean light of every window as long as the longest gap that one streak may have.
-    total = np.concatenate([[0.0], np.cumsum(np.clip(profile[start:end], -level, 2.0 * level))])
+    total = _running_sum(np.minimum(np.maximum(profile[start:end], -level), 2.0 * level))
     means = (total[most:] - total[:-most]) / most
     darkest = int(np.argmin(means))
     lit = (float(total[-1]) - float(means[darkest]) * most) / (end - start - most)

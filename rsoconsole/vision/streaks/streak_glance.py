@@ -69,17 +69,17 @@ def line_signal(pixels: PixelArray, sky: Background, ends: Ends, psf_sigma: floa
 
     ``value`` and ``most`` are 0 where the line is outside the frame.
     """
-    length = float(np.clip(length_of(ends), _SHORTEST_PX, LONGEST_PX))
+    length = min(max(length_of(ends), _SHORTEST_PX), LONGEST_PX)
     count = max(int(length) // _STEP_PX // _COUNTS, 1) * _COUNTS + 1
     smooth, is_inside = smoothed_snr_strip(
         pixels, sky, ends, psf_sigma, columns=_STEP_PX * (count - 1) + 1, reach=_REACH_PX
     )
-    limited = np.clip(smooth[:, ::_STEP_PX], *_LIMITS)
+    limited = np.minimum(np.maximum(smooth[:, ::_STEP_PX], _LIMITS[0]), _LIMITS[1])
     lines = _lines(count)
-    total = limited.ravel().take(lines).sum(axis=-1)
+    total = limited.take(lines).sum(axis=-1)
     seen = np.full(total.shape, count)
     if not is_inside.all():
-        seen = is_inside[:, ::_STEP_PX].ravel().take(lines).sum(axis=-1)
+        seen = is_inside[:, ::_STEP_PX].take(lines).sum(axis=-1)
         total[seen * _STEP_PX < _SHORTEST_PX] = 0.0
     if not total.any():
         return LineSignal(value=0.0, most=0.0)
@@ -131,8 +131,8 @@ def star_width_and_narrow_snr(
     found = []
     for each in (sigma, min(_NARROW * sigma, _RAY_PX)):
         kernel = cv2.getGaussianKernel(2 * math.ceil(3.0 * each) + 1, each).astype(np.float32)
+        kernel /= np.linalg.norm(kernel)
         smooth = cv2.filter2D(values, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
-        smooth /= float(np.sqrt((kernel**2).sum()))
         # Followed along: a proposal may be turned by a little. Hot pixels are not most of it.
         best = smooth[2:-2].max(axis=0)
         found.append(median_of(best))
