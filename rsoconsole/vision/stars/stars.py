@@ -35,7 +35,7 @@ _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
 _ASKED_EACH, _MAX_ASKED = 4, 16_000
-"""Number of places examined for each candidate wanted, and at most where hot pixels are many."""
+"""Number of places examined for each candidate wanted, and at most, where half are hot pixels."""
 _LONE_SIGMA, _SURE_SIGMA = 2.5, 30.0
 """Limits in sigma of a lone pixel: most for its three brightest neighbours, least for itself."""
 _PROBE_STARS = 150
@@ -152,7 +152,7 @@ def _candidates(
         x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
         is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
         x_px, y_px = x_px[is_light], y_px[is_light]
-        if len(x_px) >= count:
+        if 2 * len(x_px) >= len(chosen):
             break
     chosen = _spread(x_px, y_px, sky, count)
     return x_px[chosen], y_px[chosen]
