@@ -2,17 +2,38 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from models.fields import Field, TrueStreak
-from rsoconsole.vision import ByteArray, MapStreak, decode_candidates, keep_distinct
+from rsoconsole.vision import ByteArray, decode_candidates, keep_distinct
 
 Float32Array = npt.NDArray[np.float32]
 FloatArray = npt.NDArray[np.float64]
 Answer = Callable[[ByteArray], Float32Array]
 """Function from a map (h, w) to the network's answers (6, h / 4, w / 4)."""
+
+
+class MapStreak(NamedTuple):
+    """One candidate of the network in cells of the map (0: left edge of the first cell)."""
+
+    logit: float
+    x_a: float
+    y_a: float
+    x_b: float
+    y_b: float
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Column and row of the midpoint."""
+        return (self.x_a + self.x_b) / 2, (self.y_a + self.y_b) / 2
+
+    @property
+    def length(self) -> float:
+        """Length from end to end, cells."""
+        return float(np.hypot(self.x_b - self.x_a, self.y_b - self.y_a))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,7 +112,7 @@ def score(fields: Iterable[Field], answer: Answer, lowest_logit: float = -2.0) -
     for field in fields:
         found = keep_distinct(decode_candidates(answer(field.values), lowest_logit))
         cells += field.values.size
-        free = list(found)
+        free = [MapStreak(*each) for each in found.tolist()]
         for true in sorted(field.streaks, key=lambda s: -s.peak_snr):
             match = next((c for c in free if fits(c, true)), None)
             if match is not None:

@@ -24,7 +24,6 @@ from .detector.network import ANOTHER_NETWORK as ANOTHER_NETWORK
 from .detector.network import LENGTH_UNIT_CELLS as LENGTH_UNIT_CELLS
 from .detector.network import MODEL_NAME as MODEL_NAME
 from .detector.network import STRIDE_CELLS as STRIDE_CELLS
-from .detector.network import MapStreak as MapStreak
 from .detector.network import Network as Network
 from .detector.network import NetworkBox as NetworkBox
 from .detector.network import decode_candidates as decode_candidates

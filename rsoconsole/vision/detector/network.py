@@ -10,13 +10,14 @@ import hashlib
 import itertools
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rsoconsole.base import ModelError, model_file_path, parse_json, read_foreign_text
+from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import ByteArray, Float32Array
 from rsoconsole.vision.frame.maps import (
     MAP_KIND,
@@ -70,31 +71,12 @@ class NetworkBox:
         return midpoint_of(self.ends_px)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapStreak:
-    """One candidate of the network in cells of the map (0: left edge of the first cell)."""
-
-    logit: float
-    x_a: float
-    y_a: float
-    x_b: float
-    y_b: float
-
-    @property
-    def middle(self) -> tuple[float, float]:
-        """Column and row of the midpoint."""
-        return (self.x_a + self.x_b) / 2, (self.y_a + self.y_b) / 2
-
-    @property
-    def length(self) -> float:
-        """Length from end to end, cells."""
-        return float(np.hypot(self.x_b - self.x_a, self.y_b - self.y_a))
-
-
-def decode_candidates(answer: Float32Array, lowest_logit: float) -> list[MapStreak]:
+def decode_candidates(answer: Float32Array, lowest_logit: float) -> FloatArray:
     """Decode a network's output (6, rows, columns) into candidates, most confident first.
 
-    Only those above ``lowest_logit``; overlapping ones are not merged (see ``keep_distinct``).
+    Returns (n, 5): logit, then both ends (x_a, y_a, x_b, y_b) in cells of the map (0: left edge of
+    the first). Only those above ``lowest_logit``; overlapping ones are not merged (see
+    ``keep_distinct``).
     """
     rows, columns = np.nonzero(answer[0] > lowest_logit)
     logits = answer[0][rows, columns]
@@ -106,38 +88,37 @@ def decode_candidates(answer: Float32Array, lowest_logit: float) -> list[MapStre
     length = np.minimum(np.exp(np.minimum(log_length, 5.0)) * LENGTH_UNIT_CELLS, _LONGEST_CELLS)
     theta = 0.5 * np.arctan2(sin2, cos2)
     ux, uy = 0.5 * length * np.cos(theta), 0.5 * length * np.sin(theta)
-    return [
-        MapStreak(logit=float(g), x_a=float(a), y_a=float(b), x_b=float(c), y_b=float(d))
-        for g, a, b, c, d in zip(logits, x - ux, y - uy, x + ux, y + uy, strict=True)
-    ]
+    return np.stack([logits, x - ux, y - uy, x + ux, y + uy], axis=1)
 
 
-def keep_distinct(candidates: list[MapStreak]) -> list[MapStreak]:
-    """Remove candidates that lie on a more confident one; return the rest, surest first.
+def keep_distinct(candidates: FloatArray) -> FloatArray:
+    """Remove candidates (n, 5) that lie on a more confident one; return the rest, surest first.
 
     Two lie on one another when the midpoint of one is within 4 cells of the other's line and
     between its ends. Parallel neighbours further apart both stay.
     """
-    ordered = sorted(candidates, key=lambda c: -c.logit)
-    x_a, y_a, x_b, y_b = (
-        np.array([(c.x_a, c.y_a, c.x_b, c.y_b) for c in ordered], dtype=np.float32).reshape(-1, 4).T
-    )
+    ordered = candidates[np.argsort(-candidates[:, 0], kind="stable")]
+    x_a, y_a, x_b, y_b = ordered[:, 1:].T.astype(np.float32)
     dx, dy = x_b - x_a, y_b - y_a
     length = np.maximum(np.hypot(dx, dy), np.float32(1e-6))
     cos, sin, reach = (dx / length)[:, None], (dy / length)[:, None], (length / 2 + 1)[:, None]
     x, y = (x_a + x_b) / 2, (y_a + y_b) / 2
     # Row i: how far every midpoint lies along and across line i.
     away_x, away_y = x - x[:, None], y - y[:, None]
-    is_on = np.abs(away_y * cos - away_x * sin) < _SAME_LINE_CELLS
-    is_on &= np.abs(away_x * cos + away_y * sin) < reach
-    is_same = is_on | is_on.T
-    is_open = np.ones(len(ordered), dtype=bool)
-    kept: list[MapStreak] = []
-    for i, candidate in enumerate(ordered):
+    across = away_y * cos
+    across -= away_x * sin
+    away_x *= cos
+    away_y *= sin
+    along = np.add(away_x, away_y, out=away_x)
+    is_on = np.abs(across, out=across) < _SAME_LINE_CELLS
+    is_on &= np.abs(along, out=along) < reach
+    is_free = ~(is_on | is_on.T)
+    is_open, kept = np.ones(len(ordered), dtype=bool), []
+    for i in range(len(ordered)):
         if is_open[i]:
-            kept.append(candidate)
-            is_open &= ~is_same[i]
-    return kept
+            kept.append(i)
+            is_open &= is_free[i]
+    return ordered[kept]
 
 
 class Network:
@@ -197,17 +178,17 @@ class Network:
         """
         lowest = min(max(lowest_confidence, 1e-6), 1.0 - 1e-6)
         lowest_logit = (np.log(lowest / (1.0 - lowest)) - self._offset) / self._slope
-        candidates: list[MapStreak] = []
         height, width = frame_map.values.shape
         tops = _tile_starts(height, NETWORK_HEIGHT_CELLS)
         lefts = _tile_starts(width, NETWORK_WIDTH_CELLS)
+        found = []
         for top, left in itertools.product(tops, lefts):
             answer = self.answer(frame_map.values, top, left)
-            found = keep_distinct(decode_candidates(answer, lowest_logit))
-            candidates += _moved_into_frame(found, top, left, width, height)
-        if len(tops) * len(lefts) > 1:
-            candidates = keep_distinct(candidates)
-        return tuple(self._to_box(streak, frame_map) for streak in candidates)
+            distinct = keep_distinct(decode_candidates(answer, lowest_logit))
+            found.append(_moved_into_frame(distinct, top, left, width, height))
+        return self._boxes(
+            keep_distinct(np.concatenate(found)) if len(found) > 1 else found[0], frame_map
+        )
 
     def answer(self, values: ByteArray, top: int = 0, left: int = 0) -> Float32Array:
         """Return the network's raw output (6, 112, 152) for one tile of a map.
@@ -222,44 +203,45 @@ class Network:
         answer: Float32Array = self._interpreter.get_tensor(self._output["index"])[0]
         return answer
 
-    def _to_box(self, streak: MapStreak, frame_map: FrameMap) -> NetworkBox:
-        to_px = frame_map.to_px
-        xs, ys = sorted((streak.x_a, streak.x_b)), sorted((streak.y_a, streak.y_b))
+    def _boxes(self, candidates: FloatArray, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
+        confidence = 1.0 / (1.0 + np.exp(-(self._slope * candidates[:, 0] + self._offset)))
+        ends = candidates[:, 1:] * frame_map.block - 0.5
+        x, y = ends[:, ::2], ends[:, 1::2]
         # The box reaches half a cell beyond the line on every side.
-        return NetworkBox(
-            confidence=float(1.0 / (1.0 + np.exp(-(self._slope * streak.logit + self._offset)))),
-            corners_px=(
-                max(to_px(xs[0] - 0.5), -0.5),
-                max(to_px(ys[0] - 0.5), -0.5),
-                min(to_px(xs[1] + 0.5), frame_map.width_px - 0.5),
-                min(to_px(ys[1] + 0.5), frame_map.height_px - 0.5),
-            ),
-            ends_px=(to_px(streak.x_a), to_px(streak.y_a), to_px(streak.x_b), to_px(streak.y_b)),
+        beyond = 0.5 * frame_map.block
+        corners = (
+            np.maximum(x.min(axis=1) - beyond, -0.5),
+            np.maximum(y.min(axis=1) - beyond, -0.5),
+            np.minimum(x.max(axis=1) + beyond, frame_map.width_px - 0.5),
+            np.minimum(y.max(axis=1) + beyond, frame_map.height_px - 0.5),
+        )
+        return tuple(
+            NetworkBox(confidence=sure, corners_px=(x0, y0, x1, y1), ends_px=(x_a, y_a, x_b, y_b))
+            for sure, x0, y0, x1, y1, x_a, y_a, x_b, y_b in np.column_stack(
+                [confidence, *corners, ends]
+            ).tolist()
         )
 
 
 def _moved_into_frame(
-    found: list[MapStreak], top: int, left: int, width: int, height: int
-) -> list[MapStreak]:
+    found: FloatArray, top: int, left: int, width: int, height: int
+) -> FloatArray:
     """Return a tile's candidates in cells of the whole map, without those cut by the tile's edge.
 
     The neighbouring tile overlaps by more than a streak and holds such a one whole.
     """
-    right, bottom = left + NETWORK_WIDTH_CELLS, top + NETWORK_HEIGHT_CELLS
-    moved = []
-    for s in found:
-        x0, x1 = min(s.x_a, s.x_b) + left, max(s.x_a, s.x_b) + left
-        y0, y1 = min(s.y_a, s.y_b) + top, max(s.y_a, s.y_b) + top
-        mx, my = s.middle
-        if mx + left > width or my + top > height:
-            continue
-        is_cut = (left > 0 and x0 < left + 3) or (right < width and x1 > right - 3)
-        is_cut |= (top > 0 and y0 < top + 3) or (bottom < height and y1 > bottom - 3)
-        if not is_cut:
-            moved.append(
-                replace(s, x_a=s.x_a + left, y_a=s.y_a + top, x_b=s.x_b + left, y_b=s.y_b + top)
-            )
-    return moved
+    moved: FloatArray = found + np.array([0, left, top, left, top])
+    is_whole = np.ones(len(moved), dtype=bool)
+    for place, start, tile, size in (
+        (moved[:, 1::2], left, NETWORK_WIDTH_CELLS, width),
+        (moved[:, 2::2], top, NETWORK_HEIGHT_CELLS, height),
+    ):
+        is_whole &= place.mean(axis=1) <= size
+        if start > 0:
+            is_whole &= place.min(axis=1) >= start + 3
+        if start + tile < size:
+            is_whole &= place.max(axis=1) <= start + tile - 3
+    return moved[is_whole]
 
 
 def _tile_starts(size: int, tile: int) -> list[int]:

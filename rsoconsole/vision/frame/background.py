@@ -154,7 +154,8 @@ def _noise_of_tiles(
     cv2.absdiff(bins[:, 2:], bins[:, :-2], dst=difference[:, :-2])
     # The last two of a tile reach into the next one.
     tiles = difference.reshape(len(lines), columns, tile_w)[..., :-2]
-    samples = tiles.transpose(1, 0, 2).reshape(columns, -1)
+    # As float32, which NumPy partitions several times faster than whole numbers.
+    samples = tiles.transpose(1, 0, 2).reshape(columns, -1).astype(np.float32, copy=False)
     most, nearly_all = int(samples.shape[-1] * 0.75), int(samples.shape[-1] * 0.95)
     samples.partition(most, axis=-1)
     # 75 % of a normal's magnitudes lie below 1.15 sigma; coarse digitisation can make that 0.
@@ -162,10 +163,10 @@ def _noise_of_tiles(
     if not scale.all():
         larger = np.partition(samples, nearly_all, axis=-1)[:, nearly_all]
         scale = np.where(scale > 0, scale, larger)
-    inner, outer = np.hsplit(samples.astype(np.float32, copy=False), [most])
+    outer = samples[:, most:]
     is_kept = outer <= np.float32(3.0) * scale[:, None]
-    total = np.einsum("ij,ij->i", inner, inner)
-    total += np.where(is_kept, outer * outer, 0.0).sum(axis=-1)
-    rms = np.sqrt(total / (most + np.count_nonzero(is_kept, axis=-1)).clip(1))
+    outer *= is_kept
+    total = np.einsum("ij,ij->i", samples, samples)
+    rms = np.sqrt(total / (most + np.count_nonzero(is_kept, axis=-1)))
     noise: Float32Array = (rms / (np.sqrt(2.0) * _CLIPPED_GAUSS_RMS)).astype(np.float32)
     return noise

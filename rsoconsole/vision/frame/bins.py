@@ -46,7 +46,7 @@ def perpendicular_line_masks() -> Iterator[tuple[ByteArray, ByteArray]]:
 
 
 _COARSE_STEPS = 5.0
-_STRIP_PX = 96
+_STRIP_PX = 128
 _Values = TypeVar("_Values", bound=npt.NDArray[Any])
 
 
@@ -105,20 +105,18 @@ def bin_frame(
     deep = max(1, _STRIP_PX // cell_px)
     margin = 2 * LINE_REACH if lines else 0
     # Whole numbers are twice as fast to compare, where the noise is well above their steps.
-    fine = pixels.dtype if lines and _is_well_sampled(pixels) else np.dtype(np.float32)
+    is_fine = bool(lines) and _is_well_sampled(pixels)
 
     def read(strips: Iterator[int]) -> None:
         scratch = np.empty((deep * cell_px + 2 * margin, columns * cell_px), dtype=np.float32)
-        raw = np.empty(scratch.shape, dtype=fine) if fine != scratch.dtype else scratch
         for strip in strips:
             first, last = strip * deep, min((strip + 1) * deep, rows)
             inside = range(first * cell_px - margin, last * cell_px + margin)
-            whole = scratch[: len(inside)]
-            copy_mirrored_rows(pixels, inside, whole)
-            single = whole[margin : len(inside) - margin]
-            bins = {1: single}
+            near = {1: scratch[: len(inside)]}
+            copy_mirrored_rows(pixels, inside, near[1])
             if cell_px % 2 == 0:
-                bins[2] = mean_of_squares(single, 2)
+                near[2] = mean_of_squares(near[1], 2)
+            bins = {n: each[margin // n : len(each) - margin // n] for n, each in near.items()}
             for block, largest in brightest.items():
                 binning, per_cell = bin_side_px(block), cell_px // block
                 found = block_maximum(bins[binning], block // binning)
@@ -128,19 +126,13 @@ def bin_frame(
             found = mean_of_squares(bins[side], side_px // side)
             squares[first * per_cell : last * per_cell] = found
             means[first:last] = mean_of_squares(found, per_cell)
-            fine_rows = raw[: len(inside)]
-            if lines and raw is not scratch:
-                if inside.start >= 0 and inside.stop <= height and width == columns * cell_px:
-                    fine_rows = pixels[inside.start : inside.stop]
-                else:
-                    copy_mirrored_rows(pixels, inside, fine_rows)
             opened: dict[int, npt.NDArray[Any]] = {}
             for block, largest in lines.items():
                 binning, per_cell = bin_side_px(block), cell_px // block
                 if binning not in opened:
-                    spare = margin - binning * LINE_REACH
-                    near = fine_rows[spare : len(inside) - spare]
-                    opened[binning] = opened_along_lines(mean_of_squares(near, binning))
+                    spare = margin // binning - LINE_REACH
+                    lined = near[binning][spare : len(near[binning]) - spare]
+                    opened[binning] = opened_along_lines(_rounded(lined) if is_fine else lined)
                 found = block_maximum(opened[binning], block // binning)
                 largest[first * per_cell : last * per_cell] = found
 
@@ -188,6 +180,10 @@ def _is_well_sampled(pixels: PixelArray) -> bool:
         return False
     rows = pixels[:: max(1, pixels.shape[0] // 16)].astype(np.int32)
     return float(np.median(np.abs(rows[:, 2:] - rows[:, :-2]))) >= _COARSE_STEPS
+
+
+def _rounded(bins: Float32Array) -> npt.NDArray[np.uint16]:
+    return (bins + np.float32(0.5)).astype(np.uint16)
 
 
 def block_maximum(values: _Values, block: int) -> _Values:

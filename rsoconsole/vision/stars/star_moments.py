@@ -50,19 +50,20 @@ def measure_star_moments(
     """
     offset = np.arange(-half_px, half_px + 1)
     boxes, noise = _boxes(pixels, sky, x0_px, y0_px, half_px)
-    dx, dy = np.zeros(x0_px.size), np.zeros(x0_px.size)
+    at = np.zeros((2, x0_px.size))
     for _ in range(_ITERATIONS):
-        total, mx, my, *_rest = _moments(boxes, offset, dx, dy, sigma_px)
+        sums = _sums(boxes, offset, at, sigma_px, 2)
+        off = np.stack([sums[:, 1, 0], sums[:, 0, 1]]) / _or_infinite(sums[:, 0, 0])
         # Twice the windowed offset: the window halves it where it is as wide as the star.
-        dx = np.clip(dx + 2.0 * mx, -half_px / 2, half_px / 2)
-        dy = np.clip(dy + 2.0 * my, -half_px / 2, half_px / 2)
+        at = np.clip(at + 2.0 * off, -half_px / 2, half_px / 2)
+    dy, dx = at
     wide_px = 1.5 * sigma_px
-    total, _, _, mxx, myy, mxy = _moments(boxes, offset, dx, dy, wide_px)
+    total, mxx, myy, mxy = _moments(boxes, offset, at, wide_px)
     mean, half_gap = (mxx + myy) / 2, np.hypot((mxx - myy) / 2, mxy)
     small, large = np.maximum(mean - half_gap, 1e-3), np.maximum(mean + half_gap, 1e-3)
     inverse = np.maximum(1.0 / np.maximum(mean, 1e-3) - 1.0 / wide_px**2, 1e-2)
     variance = 1.0 / inverse
-    matched, *_ = _moments(boxes, offset, dx, dy, sigma_px)
+    matched = _sums(boxes, offset, at, sigma_px, 1)[:, 0, 0]
     inner = boxes[:, half_px - 1 : half_px + 2, half_px - 1 : half_px + 2]
     inner_sum = np.maximum(inner.sum(axis=(1, 2)), 1e-6)
     return StarMoments(
@@ -97,15 +98,30 @@ def _boxes(
 
 
 def _moments(
-    boxes: FloatArray, offset: IndexArray, dx: FloatArray, dy: FloatArray, sigma_px: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Windowed sum, means and second moments about (dx, dy); the window is separable."""
-    ux, uy = offset - dx[:, None], offset - dy[:, None]
-    wx, wy = np.exp(-0.5 * (ux / sigma_px) ** 2), np.exp(-0.5 * (uy / sigma_px) ** 2)
-    along_x = boxes @ np.stack([wx, wx * ux, wx * ux**2], axis=-1)
-    s = np.stack([wy, wy * uy, wy * uy**2], axis=1) @ along_x
-    total = s[:, 0, 0]
-    safe = np.where(total > 0, total, np.inf)
+    boxes: FloatArray, offset: IndexArray, at: FloatArray, sigma_px: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Windowed sum, and second moments about the mean: x x, y y, x y."""
+    s = _sums(boxes, offset, at, sigma_px, 3)
+    safe = _or_infinite(s[:, 0, 0])
     mx, my = s[:, 0, 1] / safe, s[:, 1, 0] / safe
     mxx, myy = s[:, 0, 2] / safe - mx**2, s[:, 2, 0] / safe - my**2
-    return total, mx, my, mxx, myy, s[:, 1, 1] / safe - mx * my
+    return s[:, 0, 0], mxx, myy, s[:, 1, 1] / safe - mx * my
+
+
+def _or_infinite(total: FloatArray) -> FloatArray:
+    """Return sums to divide by, infinite where there is no light."""
+    return np.where(total > 0, total, np.inf)
+
+
+def _sums(
+    boxes: FloatArray, offset: IndexArray, at: FloatArray, sigma_px: float, powers: int
+) -> FloatArray:
+    """Sums of light in a separable window, times powers of the distance from its centre.
+
+    (n, powers, powers): by the power of the distance in y, then in x. ``at``: y and x of the
+    centres, (2, n).
+    """
+    away = offset - at[:, :, None]
+    window = np.exp(-0.5 * (away / sigma_px) ** 2)
+    by_y, by_x = np.stack([window * away**power for power in range(powers)], axis=-1)
+    return np.asarray(by_y.transpose(0, 2, 1) @ (boxes @ by_x))

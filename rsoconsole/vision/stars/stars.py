@@ -5,8 +5,6 @@ pixels with a Gaussian window that moves onto the star: an intensity-weighted ce
 neighbours and the sky's noise cannot pull (Bertin's XWIN, SExtractor manual, ch. 10).
 """
 
-import itertools
-
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
@@ -14,7 +12,13 @@ from numpy.lib.stride_tricks import sliding_window_view
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background, local_background, resample
-from rsoconsole.vision.frame.bins import FrameBins, bin_frame, bin_side_px, block_maximum
+from rsoconsole.vision.frame.bins import (
+    FrameBins,
+    bin_frame,
+    bin_side_px,
+    block_maximum,
+    mean_of_squares,
+)
 from rsoconsole.vision.stars.psf_field import MIN_STARS, Psf, PsfField, WidthSource, fit_psf_field
 from rsoconsole.vision.stars.star_list import OblongLights, StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA, StarMoments, measure_star_moments
@@ -30,8 +34,8 @@ MIN_POINTS, MAX_POINTS = 5, 40
 _LARGE_PX = 1024
 _CANDIDATE_SIGMA = 5.0
 _TILES = (8, 6)
-_MAX_ASKED = 16_000
-"""Largest number of places examined for candidates."""
+_ASKED_EACH, _MAX_ASKED = 4, 16_000
+"""Number of places examined for each candidate wanted, and at most, where half are hot pixels."""
 _LONE_SIGMA, _SURE_SIGMA = 2.5, 30.0
 """Limits in sigma of a lone pixel: most for its three brightest neighbours, least for itself."""
 _PROBE_STARS = 150
@@ -143,10 +147,13 @@ def _candidates(
     row, column = np.divmod(np.flatnonzero(is_peak), columns)
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
-    chosen = _spread(column * block_px, row * block_px, sky, _MAX_ASKED)
-    x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
-    is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
-    x_px, y_px = x_px[is_light], y_px[is_light]
+    for asked in (_ASKED_EACH * count, _MAX_ASKED):
+        chosen = _spread(column * block_px, row * block_px, sky, asked)
+        x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
+        is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
+        x_px, y_px = x_px[is_light], y_px[is_light]
+        if 2 * len(x_px) >= len(chosen):
+            break
     chosen = _spread(x_px, y_px, sky, count)
     return x_px[chosen], y_px[chosen]
 
@@ -158,16 +165,12 @@ def _is_lone_pixel(
     height, width = pixels.shape
     inside = (x_px >= 2) & (x_px < width - 2) & (y_px >= 2) & (y_px < height - 2)
     x, y = np.clip(x_px, 2, width - 3), np.clip(y_px, 2, height - 3)
-    around = np.arange(-2, 3)
-    windows = pixels[
-        y[:, None, None] + around[None, :, None], x[:, None, None] + around[None, None, :]
-    ].astype(np.float32)
+    around = sliding_window_view(pixels, (5, 5))[y - 2, x - 2].reshape(len(x), 25)
     level, noise = (sky.all_at(small, x, y) for small in (sky.level, sky.noise))
-    excess = (windows - level[:, None, None]).reshape(len(x), 25)
-    excess.sort(axis=1)
-    next_ones = excess[:, -4:-1].mean(axis=1)
-    is_bright = excess[:, -1] > _SURE_SIGMA * noise
-    return np.asarray(inside & is_bright & (next_ones < _LONE_SIGMA * noise))
+    is_lone = inside & (around.max(axis=1) - level > _SURE_SIGMA * noise)
+    excess = np.sort(around[is_lone].astype(np.float32) - level[is_lone, None], axis=1)
+    is_lone[is_lone] = excess[:, -4:-1].mean(axis=1) < _LONE_SIGMA * noise[is_lone]
+    return np.asarray(is_lone)
 
 
 def _brightest_pixels(
@@ -176,11 +179,9 @@ def _brightest_pixels(
     """Largest bin of each block, then its largest pixel: (x_px, y_px)."""
     windows = sliding_window_view(pixels, (block_px, block_px))
     blocks = windows[row * block_px, column * block_px].astype(np.float32)
-    count, n = blocks.shape[0], block_px // binning
-    bins = np.zeros((count, n, n), dtype=np.float32)
-    for down, right in itertools.product(range(binning), repeat=2):
-        bins += blocks[:, down::binning, right::binning]
-    best = np.argmax(bins.reshape(count, n * n), axis=1)
+    n = block_px // binning
+    bins = mean_of_squares(blocks.reshape(-1, block_px), binning)
+    best = np.argmax(bins.reshape(-1, n * n), axis=1)
     bin_y, bin_x = np.divmod(best, n)
     return (
         column * block_px + bin_x * binning + (binning - 1) // 2,
