@@ -38,6 +38,14 @@ def mutual_nearest(distance: FloatArray, within: float) -> tuple[IndexArray, Ind
     return rows[is_pair], nearest[is_pair]
 
 
+def squared_distances(one_px: FloatArray, other_px: FloatArray) -> FloatArray:
+    """(n, m) squared distances of places (n, 2) and (m, 2); infinite for a place that is NaN."""
+    (x, y), (other_x, other_y) = (np.where(np.isnan(p), np.inf, p).T for p in (one_px, -other_px))
+    distance2 = np.asarray(np.add.outer(x, other_x) ** 2)
+    distance2 += np.add.outer(y, other_y) ** 2
+    return distance2
+
+
 def match_stars(
     one_px: FloatArray, other_px: FloatArray, reach_px: float
 ) -> tuple[IndexArray, IndexArray]:
@@ -47,8 +55,7 @@ def match_stars(
     """
     if not len(one_px) or not len(other_px):
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-    apart = np.hypot(*(one_px[:, None] - other_px[None]).transpose(2, 0, 1))
-    return mutual_nearest(np.where(apart < reach_px, apart, np.inf), reach_px)
+    return mutual_nearest(squared_distances(one_px, other_px), reach_px**2)
 
 
 def compare_stars(
