@@ -1,6 +1,7 @@
-"""The median of some hundreds of values, faster than numpy's own."""
+"""The median and quantiles of some hundreds of values, faster than numpy's own."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -24,3 +25,10 @@ def median_of(values: npt.ArrayLike) -> float:
     if count % 2:
         return float(flat[middle])
     return float((flat[middle - 1] + flat[middle]) / flat.dtype.type(2.0))
+
+
+def quantiles_of(values: npt.ArrayLike, shares: Sequence[float]) -> list[float]:
+    """Return the quantiles of finite values at ``shares`` (0 to 1), equal to numpy's."""
+    order = np.sort(values, axis=None)
+    places = np.multiply(shares, order.size - 1)
+    return list(map(float, np.interp(places, np.arange(order.size), order)))

@@ -16,6 +16,7 @@ import numpy as np
 from rsoconsole.records import FloatArray, PlatePath, Solution, Wcs
 from rsoconsole.sky import describe_field, pixel_to_sky, separation_deg, sky_to_pixel
 from rsoconsole.vision.arrays import IndexArray
+from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest, squared_distances
 
 MAX_STARS = 400
@@ -166,7 +167,7 @@ def _robust_fit(
             np.hypot(x - stars[pairs[0], 0], y - stars[pairs[0], 1]), nan=np.inf
         )
         # The median of a Rayleigh distribution is 1.177 sigma.
-        sigma_px = float(np.median(miss_px[keep])) / 1.177
+        sigma_px = median_of(miss_px[keep]) / 1.177
         good = miss_px <= max(4.0 * sigma_px, 0.05)
         if good.sum() < MIN_MATCHED or np.array_equal(good, keep):
             break

@@ -3,12 +3,14 @@
 Pure: distances or places in, indices out; and how the light of such pairs compares.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import IndexArray
+from rsoconsole.vision.frame.median import median_of, quantiles_of
 
 MIN_MATCHED = 6
 _MAX_OFF = 0.5
@@ -73,7 +75,7 @@ def compare_stars(
     if len(i) < MIN_MATCHED:
         return None
     ratio = other_adu[j] / one_adu[i]
-    low, middle, high = (float(each) for each in np.percentile(ratio, (25.0, 50.0, 75.0)))
-    off_px = float(np.hypot(*np.median(other_px[j] - one_px[i], axis=0)))
+    low, middle, high = quantiles_of(ratio, (0.25, 0.5, 0.75))
+    off_px = math.hypot(*map(median_of, (other_px[j] - one_px[i]).T))
     is_good = middle > 0.0 and off_px < _MAX_OFF * fwhm and high - low < _MAX_SCATTER * middle
     return StarComparison(flux_ratio=middle, is_good=is_good)
