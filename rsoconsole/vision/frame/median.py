@@ -6,6 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+_MANY = 2000
+"""Number of values from which it costs less to put one of them in its place than three."""
+
 
 def median_of(values: npt.ArrayLike) -> float:
     """Return the median, equal to numpy's, in a tenth of the time for some hundreds of values.
@@ -19,12 +22,17 @@ def median_of(values: npt.ArrayLike) -> float:
     if count == 0:
         return math.nan
     middle = count // 2
-    flat.partition((middle, count - 1) if count % 2 else (middle - 1, middle, count - 1))
-    if np.isnan(flat[-1]):
+    if count > _MANY:
+        flat.partition(middle)
+        below, last = flat[:middle].max(), flat[middle:].max()
+    else:
+        flat.partition((middle, count - 1) if count % 2 else (middle - 1, middle, count - 1))
+        below, last = flat[middle - 1], flat[-1]
+    if np.isnan(last):
         return math.nan
     if count % 2:
         return float(flat[middle])
-    return float((flat[middle - 1] + flat[middle]) / flat.dtype.type(2.0))
+    return float((below + flat[middle]) / flat.dtype.type(2.0))
 
 
 def quantiles_of(values: npt.ArrayLike, shares: Sequence[float]) -> list[float]:
