@@ -100,6 +100,8 @@ def _tai_minus_utc_of_day(day: int) -> float:
 def tai_minus_utc_s(t_utc_ns: TimeLike) -> FloatArray:
     """TAI - UTC in seconds; after the end of the leap-second table its last value holds."""
     days = np.asarray(t_utc_ns, np.int64) // NS_PER_DAY
+    if days.ndim == 0:
+        return np.asarray(_tai_minus_utc_of_day(int(days)))
     unique, inverse = np.unique(days, return_inverse=True)
     values = np.array([_tai_minus_utc_of_day(int(day)) for day in unique])
     return np.asarray(values[inverse].reshape(days.shape))
@@ -154,7 +156,7 @@ def _iers_table() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         for line in lines
         if line[58:68].strip()
     ]
-    mjd, ut1_minus_utc, pole_x, pole_y = np.array(rows).T
+    mjd, ut1_minus_utc, pole_x, pole_y = np.array(rows).T.copy()  # else copied at each use
     t_utc_ns = (mjd.astype(np.int64) - MJD_UNIX) * NS_PER_DAY
     return mjd, ut1_minus_utc - tai_minus_utc_s(t_utc_ns), pole_x, pole_y
 

@@ -7,6 +7,7 @@ Source: Calabretta & Greisen 2002 (TAN); Shupe et al. 2005 (SIP).
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -76,7 +77,7 @@ def sky_to_pixel(
 
 
 def _polynomial(terms: Sip, u: FloatArray, v: FloatArray) -> FloatArray:
-    total = np.zeros(np.broadcast_shapes(np.shape(u), np.shape(v)))
+    total = np.zeros(())
     for p, q, coefficient in terms:
         total = total + coefficient * u**p * v**q
     return total
@@ -131,16 +132,16 @@ def jacobian_arcsec_px(wcs: Wcs, x_px: float, y_px: float) -> FloatArray:
     Rows: east, north; columns: x, y. A pixel covariance C becomes J C J' on the sky.
     """
     h = 0.5
-    x = np.array([x_px + h, x_px - h, x_px, x_px])
-    y = np.array([y_px, y_px, y_px + h, y_px - h])
+    x = np.array([x_px + h, x_px - h, x_px, x_px, x_px])
+    y = np.array([y_px, y_px, y_px + h, y_px - h, y_px])
     ra, dec = pixel_to_sky(wcs, x, y)
-    _, dec_mid = pixel_to_sky(wcs, x_px, y_px)
-    cos_dec = math.cos(math.radians(float(dec_mid)))
+    cos_dec = math.cos(math.radians(float(dec[4])))
     east_deg = ((np.array([ra[0] - ra[1], ra[2] - ra[3]]) + 180.0) % 360.0 - 180.0) * cos_dec
     north_deg = np.array([dec[0] - dec[1], dec[2] - dec[3]])
     return np.stack([east_deg, north_deg]) * ARCSEC_PER_DEG / (2.0 * h)
 
 
+@lru_cache(maxsize=8)
 def describe_field(wcs: Wcs, width_px: int, height_px: int) -> FieldDescription:
     """Return direction, scale, rotation and mirroring of a plate at the centre of its image.
 

@@ -26,6 +26,7 @@ from .filters.adaptive import timing_scatter_words as timing_scatter_words
 from .filters.agreement import Motion as Motion
 from .filters.agreement import motion_in_exposure as motion_in_exposure
 from .filters.estimator import predict as predict
+from .filters.estimator import predict_motion as predict_motion
 from .filters.innovations import NIS_BAND as NIS_BAND
 from .filters.innovations import Consistency as Consistency
 from .filters.innovations import consistency as consistency

@@ -63,6 +63,12 @@ class TrackCandidates:
         """Candidate measurements that passed the gates."""
         return tuple(m for m in self.updated if m not in self.reasons)
 
+    def cost_alone(self, m: Measurement) -> float:
+        """Return NIS and log determinant of the innovation of a measurement."""
+        updated = self.updated[m].state
+        S = adaptive.innovation_covariance(updated)
+        return nis_of(updated) + math.log(float(np.linalg.det(S)))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
@@ -108,6 +114,10 @@ def assign_measurements(
 
     ``pattern``: relative positions of the tracks in the frames before.
     """
+    if len(tracks) == 1:
+        # What has passed the gates is taken rather than none; it knows its neighbours by itself.
+        taken = min(tracks[0].in_gate, key=tracks[0].cost_alone, default=None)
+        return Assignment(taken=(taken,), is_ambiguous=(False,))
     pairs = _pairs(tracks, pattern or NO_PATTERN)
     if not pairs.columns:
         nobody = (None,) * len(tracks)
@@ -116,21 +126,21 @@ def assign_measurements(
     found = [_explained(each) for each in costs]
     number = min(range(len(found)), key=lambda n: found[n].cost)
     best, cost = found[number], costs[number]
-    taken: list[Measurement | None] = []
+    given: list[Measurement | None] = []
     is_ambiguous: list[bool] = []
     for row, column in enumerate(best.chosen):
         is_seen = column < len(pairs.columns)
         unsure = False
-        if is_seen and len(tracks) > 1:  # one alone knows its neighbours by their pattern
+        if is_seen:
             same = pairs.same[column]
             others = [e.cost for e in found if e.chosen[row] not in same]
             without = cost.copy()
             without[row, list(same)] = np.inf
             others.append(_explained(without).cost)
             unsure = min(others) - best.cost < MIN_MARGIN and not tracks[row].must_decide
-        taken.append(pairs.columns[column] if is_seen and not unsure else None)
+        given.append(pairs.columns[column] if is_seen and not unsure else None)
         is_ambiguous.append(unsure)
-    return Assignment(taken=tuple(taken), is_ambiguous=tuple(is_ambiguous))
+    return Assignment(taken=tuple(given), is_ambiguous=tuple(is_ambiguous))
 
 
 def _pairs(tracks: Sequence[TrackCandidates], pattern: TrackPattern) -> _Pairs:
@@ -140,10 +150,9 @@ def _pairs(tracks: Sequence[TrackCandidates], pattern: TrackPattern) -> _Pairs:
     own = np.zeros((*alone.shape, 2, 2))
     for row, each in enumerate(tracks):
         for m in each.in_gate:
-            column, updated = columns.index(m), each.updated[m].state
-            S = adaptive.innovation_covariance(updated)
-            alone[row, column] = nis_of(updated) + math.log(float(np.linalg.det(S)))
-            own[row, column] = single_streak_covariance(m, updated)
+            column = columns.index(m)
+            alone[row, column] = each.cost_alone(m)
+            own[row, column] = single_streak_covariance(m, each.updated[m].state)
     ways, covariances = _ways(tracks, pattern, plane)
     rates = np.array([lqe.sky_rate_arcsec_s(each.predicted) for each in tracks])
     apart = np.linalg.norm(rates[:, None] - rates[None], axis=-1)
@@ -191,13 +200,9 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
 
     The last columns are those of a track that is not seen.
     """
-    rows = len(pairs.alone)
-    if rows == 1:
-        # What has passed the gates is taken rather than none.
-        return [_with_misses(pairs.alone + _AGAINST, missed=math.inf)]
     may = ~np.isnan(pairs.alone)
     found = []
-    for row in range(rows):
+    for row in range(len(may)):
         order = np.argsort(np.where(may[row], pairs.alone[row], np.inf))
         for column in order[: min(_ANCHORS, int(may[row].sum()))]:
             off = pairs.places[None] - pairs.places[column] - pairs.ways[row][:, None]
@@ -217,19 +222,16 @@ def _costs(pairs: _Pairs) -> list[FloatArray]:
     return found
 
 
-def _with_misses(cost: FloatArray, missed: float = _MISSED) -> FloatArray:
+def _with_misses(cost: FloatArray) -> FloatArray:
     """(tracks, streaks + tracks) costs, infinite where a pair cannot be."""
     rows = len(cost)
     unseen = np.full((rows, rows), np.inf)
-    np.fill_diagonal(unseen, missed)
+    np.fill_diagonal(unseen, _MISSED)
     return np.hstack([np.where(np.isnan(cost), np.inf, cost), unseen])
 
 
 def _explained(cost: FloatArray) -> _Explanation:
     """Least total, infinite where a track is left nothing, and the column of each track."""
-    if len(cost) == 1:
-        column = int(np.argmin(cost[0]))
-        return _Explanation(cost=float(cost[0, column]), chosen=(column,))
     if not np.isfinite(cost).any(axis=1).all():
         return _Explanation(cost=math.inf, chosen=(cost.shape[1] - 1,) * len(cost))
     # scipy weighs half a second: only who has several tracks pays for it.

@@ -44,6 +44,7 @@ from .frame.maps import NETWORK_WIDTH_CELLS as NETWORK_WIDTH_CELLS
 from .frame.maps import FrameMap as FrameMap
 from .frame.maps import choose_blocks as choose_blocks
 from .frame.maps import make_map as make_map
+from .frame.median import median_of as median_of
 from .frame.mosaic import has_mosaic as has_mosaic
 from .frame.mosaic import without_mosaic as without_mosaic
 from .frame.pattern import find_row_column_pattern as find_row_column_pattern

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from rsoconsole.cli import ONE_THREAD
 from tests.bench.cycle_scenes import skies, write_frames
 from tests.bench.trees import HERE, tree_of
 
@@ -35,7 +36,7 @@ def measured(tree: Path, folders: Sequence[Path]) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, str(PROGRAM), *map(str, folders)],
         cwd=tree,
-        env={**os.environ, "PYTHONPATH": str(tree)},
+        env={**os.environ, **dict.fromkeys(ONE_THREAD, "1"), "PYTHONPATH": str(tree)},
         capture_output=True,
         text=True,
         check=False,

@@ -131,7 +131,7 @@ def test_every_member_steps_as_filterpy_does(q: float, r: float) -> None:
         covariance=np.array([[0.09, 0.02], [0.02, 0.05]]),
     )
     found = bank_update.bank_innovation(predicted, seen, noise_factors(settings))
-    each = bank_update.filter_updates(predicted.covariances, found.with_length)
+    each = bank_update.filter_updates(predicted.covariances, [found.with_length], [1.0])
     own = bank_update.expected_noise(predicted, seen)
     believed = np.flatnonzero(now.weights > 0.01)
     assert len(believed) >= 2

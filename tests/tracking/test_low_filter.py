@@ -13,6 +13,7 @@ from rsoconsole.config import FilterConfig
 from rsoconsole.records import Measurement, TrackState
 from rsoconsole.sky import wrap_180
 from rsoconsole.tracking.filters import adaptive, bank, estimator
+from rsoconsole.tracking.filters.filter_grid import FINE
 from rsoconsole.words import NS_PER_S
 from tests.makers import geo_measurement
 from tests.tiers import plain_first
@@ -114,7 +115,7 @@ def test_what_nobody_believes_is_not_in_the_bounds():
     )
     to_ns = night[3].t_mid_utc_ns
     plain = estimator.predict(state, to_ns, ADAPTIVE, 4)
-    first = slice(0, bank.FINE.filters_per_motion)
+    first = slice(0, FINE.filters_per_motion)
     for variance in (1e20, np.nan):
         there = estimator.predict(run_away(state, first, variance), to_ns, ADAPTIVE, 4)
         assert there.x == pytest.approx(plain.x, rel=1e-6)

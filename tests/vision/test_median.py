@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from rsoconsole.vision.frame.median import median_of, percentile_of
+from rsoconsole.vision.frame.median import median_of, quantiles_of
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, width=32)
 
@@ -25,15 +25,21 @@ def test_it_is_the_median_of_numpy(kind, values):
     assert np.array_equal(given_values, before, equal_nan=True), "what was given stays in order"
 
 
+@pytest.mark.parametrize("count", [4000, 4001])
+def test_that_of_many_values_too(count):
+    values = np.random.default_rng(count).normal(size=count).astype(np.float32)
+    assert median_of(values) == float(np.median(values))
+    values[17] = np.nan
+    assert math.isnan(median_of(values))
+
+
+@given(values=arrays.arrays(np.float64, st.integers(1, 40), elements=st.floats(-1e6, 1e6)))
+def test_quantiles_are_those_of_numpy(values):
+    expected = np.quantile(values, [0.25, 0.5, 0.84])
+    assert quantiles_of(values, (0.25, 0.5, 0.84)) == pytest.approx(expected, abs=1e-9)
+
+
 def test_whole_numbers_and_rows_are_taken_too():
     assert median_of(np.array([[1, 2], [3, 5]], np.uint16)) == 2.5
     assert median_of([3.0, 1.0, 2.0]) == 2.0
     assert math.isnan(median_of(np.array([])))
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (2, 1), (5, 10), (37, 83)])
-@pytest.mark.parametrize("percent", [0.0, 50.0, 98.0])
-def test_the_percentile_is_that_of_numpy(shape, percent):
-    values = np.random.default_rng(1).normal(size=shape).astype(np.float32)
-    expected = np.percentile(values, percent)
-    assert percentile_of(values, percent) == pytest.approx(expected, abs=1e-6)

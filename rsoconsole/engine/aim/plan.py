@@ -244,11 +244,12 @@ class Planner:
         """
         earliest_ns = self._earliest_ns(now_utc_ns)
         first_mid_ns = self._t_mid_ns(earliest_ns)
-        first_guess, _ = self._direction(following, search_number, first_mid_ns)
-        arrival_ns = now_utc_ns + round(self.slew_s(first_guess, now_utc_ns) * NS)
+        direction, reason = self._direction(following, search_number, first_mid_ns)
+        arrival_ns = now_utc_ns + round(self.slew_s(direction, now_utc_ns) * NS)
         t_start_ns = max(earliest_ns, arrival_ns)
         t_mid_ns = self._t_mid_ns(t_start_ns)
-        direction, reason = self._direction(following, search_number, t_mid_ns)
+        if t_start_ns > earliest_ns:
+            direction, reason = self._direction(following, search_number, t_mid_ns)
         moves = following.track is None or needs_recentre(
             self._config.search, self._config.optics.field_deg, self._centre, direction
         )

@@ -17,7 +17,7 @@ from rsoconsole.sky import (
     separation_deg,
     wrap_360,
 )
-from rsoconsole.tracking import direction_icrs_deg, predict, sky_rate_arcsec_s
+from rsoconsole.tracking import predict_motion
 
 SPIRAL_FIELDS = 25
 """Number of fields in a spiral search: two rings around its centre."""
@@ -221,8 +221,10 @@ def flip_refusal(
 
     None where the side stays, or where the setting allows the change. ``present``: the side now.
     """
+    if mount.meridian != "hold":
+        return None
     after = pier_side_after_slew(site, mount, direction_icrs_deg, t_utc_ns, present)
-    if mount.meridian != "hold" or after == present:
+    if after == present:
         return None
     hour_angle_deg = hour_angle_icrs_deg(site, *direction_icrs_deg, t_utc_ns)
     return SlewRefusal.by_policy(hour_angle_deg, after)
@@ -234,8 +236,7 @@ def follow_direction(
     """Aim point of a track at the next mid-exposure, ICRS degrees, with the offsets of ``aim``."""
     aim = aim or AimConfig()
     led_ns = t_mid_utc_ns + round(aim.lead_s * 1e9)
-    ahead = predict(track, led_ns, settings, track.frame_id)
-    return with_aim_offsets(direction_icrs_deg(ahead), sky_rate_arcsec_s(ahead), aim)
+    return with_aim_offsets(*predict_motion(track, led_ns, settings), aim)
 
 
 def with_aim_offsets(

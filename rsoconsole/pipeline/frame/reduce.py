@@ -38,6 +38,7 @@ from rsoconsole.vision import (
     StarList,
     StreakDetector,
     match_stars,
+    median_of,
 )
 from rsoconsole.words import text
 
@@ -88,7 +89,7 @@ class ZeroPointFinder:
         if len(mine) < MIN_MATCHED:
             return None
         rate_adu_s = stars.flux[bright][mine] / frame.exposure_s
-        return float(np.median(magnitude[theirs] + 2.5 * np.log10(rate_adu_s)))
+        return median_of(magnitude[theirs] + 2.5 * np.log10(rate_adu_s))
 
 
 BRIGHTEST_STARS = slice(20, 60)
@@ -211,7 +212,7 @@ class FrameReducer:
                 star_count=star_count,
                 star_fwhm_px=fwhm_px,
                 star_flux_adu=typical_flux_adu(analysis.stars),
-                background_adu=float(np.median(analysis.background.level)),
+                background_adu=median_of(analysis.background.level),
                 zero_point_mag=self._zero_point.zero_point_mag(even, analysis.stars, solution),
             ),
             solution=solution,
@@ -233,7 +234,7 @@ def typical_flux_adu(stars: StarList) -> float | None:
     """
     if len(stars) < BRIGHTEST_STARS.stop:
         return None
-    return float(np.median(stars.flux[BRIGHTEST_STARS]))
+    return median_of(stars.flux[BRIGHTEST_STARS])
 
 
 def brightest_stars(stars: StarList) -> tuple[ChartStar, ...]:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from rsoconsole.base import SolverError, resource_path
 from rsoconsole.records import FloatArray
-from rsoconsole.sky.angles import separation_deg, wrap_180
+from rsoconsole.sky.angles import separation_deg
 from rsoconsole.sky.stars.proper_motion import FASTEST_ARCSEC_YR, J2000_JYEAR, apply_proper_motion
 
 RA_STEP_DEG = 360.0 / 2**32
@@ -150,8 +150,9 @@ class StarCatalogue:
         lowest, highest = np.clip(np.round(limits), -(2**31), 2**31 - 1).astype(np.int32)
         first = int(np.searchsorted(self.dec_counts, lowest, side="left"))
         last = int(np.searchsorted(self.dec_counts, highest, side="right"))
-        dra = wrap_180(_scaled(self.ra_counts[first:last], RA_STEP_DEG) - ra_deg)
-        return np.asarray(first + np.flatnonzero(np.abs(dra) <= half_ra_deg), dtype=np.int64)
+        away = np.abs(_scaled(self.ra_counts[first:last], RA_STEP_DEG) - ra_deg % 360.0)
+        is_near = (away <= half_ra_deg) | (away >= 360.0 - half_ra_deg)
+        return np.asarray(first + np.flatnonzero(is_near), dtype=np.int64)
 
 
 def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:

@@ -55,6 +55,8 @@ def scatter_interval_s(bank: Bank, share: float = 0.9) -> tuple[float, float, fl
 
 _WORTH_REPORTING = 1.5
 _MAX_CORRELATED = 0.99999
+_RECORD_ORDER = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
+"""Swaps the order of a motion (both places, both rates) and that of a state on record."""
 
 COMMON_ARCSEC = 0.2
 """Sigma on each axis of the error common to a night's directions, arcsec; not in the filters."""
@@ -110,6 +112,15 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
         scatter_s=known,
         **lqe.next_state_fields(state, frame_id, misses=state.misses + 1),
     )
+
+
+def predict_motion(
+    state: TrackState, t_utc_ns: int
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the direction (ICRS, deg) and rate (arcsec/s) that `predict` has, in less time."""
+    plane, mean = banks.predict_mean(_bank_of(state), t_utc_ns)
+    x, y, *rate = mean[: VY + 1].tolist()
+    return plane.direction_of(x, y), (rate[0], rate[1])
 
 
 def innovations(
@@ -186,7 +197,7 @@ def _position(measurement: Measurement, errors: StreakErrors = NO_ERRORS) -> Ban
     noise[0, 1] = noise[1, 0] = min(max(noise[0, 1], -most), most)
     cos_dec = max(math.cos(math.radians(measurement.dec_icrs_deg)), 1e-3)
     to_sky = np.array([cos_dec, 1.0])
-    covariance = noise * np.outer(to_sky, to_sky)
+    covariance = noise * to_sky[:, None] * to_sky
     axis = streak_axis(measurement) if any(errors) else None
     if errors.across_arcsec and axis is not None:
         left = np.array([-axis[1], axis[0]])
@@ -221,12 +232,11 @@ def bank_from_record(state: TrackState) -> Bank:
     """Make a bank that agrees with a recorded state."""
     cos_dec = max(math.cos(math.radians(state.x[2])), 1e-3)
     to_sky = np.array([cos_dec, 1.0, cos_dec, 1.0]) * lqe.ARCSEC_PER_DEG
-    order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
     said = state.mixture
     motion = np.zeros(6)
     motion[VX], motion[VY] = state.x[1] * to_sky[2], state.x[3] * to_sky[3]
     covariance = np.zeros((6, 6))
-    covariance[:4, :4] = np.array(state.P)[order] * np.outer(to_sky, to_sky)
+    covariance[:4, :4] = np.array(state.P)[_RECORD_ORDER] * np.outer(to_sky, to_sky)
     own = covariance[:4, :4] - np.diag([COMMON_ARCSEC**2, COMMON_ARCSEC**2, 0.0, 0.0])
     if np.all(np.linalg.eigvalsh(own) > 0.0):  # another preset's knows nothing of what is common
         covariance[:4, :4] = own
@@ -270,11 +280,10 @@ def _state(
     ra, dec = bank.plane.direction_of(float(mean[0]), float(mean[1]))
     cos_dec = max(math.cos(math.radians(dec)), 1e-3)
     to_deg = np.array([1.0 / cos_dec, 1.0 / cos_dec, 1.0, 1.0]) / lqe.ARCSEC_PER_DEG
-    order = np.ix_([0, 2, 1, 3], [0, 2, 1, 3])
     on_sky = covariance[:4, :4].copy()
     on_sky[0, 0] += COMMON_ARCSEC**2
     on_sky[1, 1] += COMMON_ARCSEC**2
-    P = on_sky[order] * np.outer(to_deg, to_deg)
+    P = on_sky[_RECORD_ORDER] * to_deg[:, None] * to_deg
     median, low, high = scatter_s or scatter_interval_s(bank)
     x = (ra, float(mean[VX] * to_deg[0]), dec, float(mean[VY] * to_deg[2]))
     return TrackState(

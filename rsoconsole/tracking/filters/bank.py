@@ -24,6 +24,14 @@ import numpy.typing as npt
 
 from rsoconsole.records import FloatArray
 from rsoconsole.tracking.filters.factors import NO_FACTORS, NoiseFactors
+from rsoconsole.tracking.filters.filter_grid import (
+    COARSE,
+    FINE,
+    MIN_SCATTER_S,
+    SCATTERS_S,
+    VARIANCE_SCALES,
+    FilterGrid,
+)
 from rsoconsole.tracking.filters.motions import (
     ANY_ORBIT,
     MOTION_PRIORS,
@@ -38,46 +46,10 @@ from rsoconsole.tracking.filters.sky_path import (
     TangentPlane,
     constant_rate_bend,
     plane_after,
+    propagate_onto_plane,
     propagate_with_jacobian,
 )
 
-VARIANCE_SCALES = np.array([0.5, 1.0, 2.2, 5.0, 12.0, 30.0, 80.0])
-"""Factors on a measurement's own variances, across the motion as well as along it."""
-MAX_SCATTER_S = 3.0
-_MIN_SCATTER_S = 0.005
-SCATTERS_S = np.geomspace(_MIN_SCATTER_S, MAX_SCATTER_S, 14)
-"""Timing scatters of the filters, s, beyond the scatter in the measurements' covariances."""
-
-
-@dataclass(frozen=True, eq=False)
-class FilterGrid:
-    """Variance scales and timing scatters that a bank weighs against each other."""
-
-    variance_scales: FloatArray
-    """(V,) factors on the measured variances."""
-    scatters_s: FloatArray
-    """(S,) timing scatters, s."""
-
-    @property
-    def filters_per_motion(self) -> int:
-        """Number of filters of each motion."""
-        return len(self.variance_scales) * len(self.scatters_s)
-
-    @functools.cached_property
-    def filter_timing_scatters_s(self) -> FloatArray:
-        """(N,) timing scatter of each filter of a bank, in the bank's order, s."""
-        return np.tile(self.scatters_s, len(MOTIONS) * len(self.variance_scales))
-
-    @functools.cached_property
-    def filter_variance_scales(self) -> FloatArray:
-        """(N,) factor of each filter on the measured variances, in the bank's order."""
-        each = np.repeat(self.variance_scales, len(self.scatters_s))
-        return np.tile(each, len(MOTIONS))
-
-
-FINE = FilterGrid(VARIANCE_SCALES, SCATTERS_S)
-COARSE = FilterGrid(VARIANCE_SCALES[1::2], SCATTERS_S[1::2])
-"""Grid for tracks beside the lead where there are many: every second scale and scatter."""
 _SCATTER_FALLS, _SCATTER_FALLS_KNOWN = 0.1, 0.5
 """Powers with which the prior of a scatter falls; the second where the shutter's is calibrated."""
 _VARIANCE_SCALE_PRIORS = (0.04, 0.24, 0.2, 0.18, 0.16, 0.12, 0.06)
@@ -130,7 +102,7 @@ class Bank:
     @property
     def filter_motions(self) -> npt.NDArray[np.intp]:
         """(N,) index of each filter's motion in ``MOTIONS``."""
-        return np.repeat(np.arange(len(MOTIONS)), self.grid.filters_per_motion)
+        return self.grid.filter_motions
 
     @property
     def motion_probabilities(self) -> FloatArray:
@@ -230,28 +202,54 @@ def initiate_bank(
 
 def predict(bank: Bank, t_utc_ns: int, factors: NoiseFactors = NO_FACTORS) -> Bank:
     """Predict the bank to another instant, later or earlier."""
-    left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
-    steps = min(max(math.ceil(abs(left_s) / _LONGEST_STEP_S), 1), _MAX_STEPS)
     learning = None
     if factors.is_held and bank.updates < UPDATES_TO_LEARN:
         learning = predict(bank.learning or bank, t_utc_ns)
-    for _ in range(steps if left_s else 0):
-        bank = _stepped(bank, left_s / steps, factors)
+    for dt_s in _steps_s(bank, t_utc_ns):
+        bank = _stepped(bank, dt_s, factors)
     return replace(bank, t_utc_ns=t_utc_ns, learning=learning)
 
 
-def _stepped(bank: Bank, dt_s: float, factors: NoiseFactors) -> Bank:
-    motion, means = bank.filter_motions, bank.means.copy()
-    parallel = motion == PARALLEL
-    _, dec_deg = bank.plane.direction_deg
-    means[parallel, ACCELERATION:] = constant_rate_bend(
-        dec_deg + means[parallel, 1] / 3600.0, means[parallel, 2:4]
+def predict_mean(bank: Bank, t_utc_ns: int) -> tuple[TangentPlane, FloatArray]:
+    """Return the mixture's mean (6,) at another instant, and the plane it is on.
+
+    As by `predict`, without the covariances, which take most of the time. (So a filter of no
+    weight whose covariance alone has run away stays in it, with that weight.)
+    """
+    plane, means = bank.plane, bank.means
+    for dt_s in _steps_s(bank, t_utc_ns):
+        means = _with_constant_rates(means, plane, bank.grid)
+        onto = plane_after(plane, bank.weights @ means, dt_s)
+        plane, means = onto, propagate_onto_plane(plane, means, dt_s, onto)
+        if not (np.abs(means[:, :4]) < _MOST).all():
+            ahead = predict(bank, t_utc_ns)
+            return ahead.plane, ahead.moments()[0]
+    return plane, bank.weights @ means
+
+
+def _steps_s(bank: Bank, t_utc_ns: int) -> list[float]:
+    """Steps, s, in which a bank is predicted to an instant."""
+    left_s = (t_utc_ns - bank.t_utc_ns) / 1e9
+    steps = min(math.ceil(abs(left_s) / _LONGEST_STEP_S), _MAX_STEPS)
+    return [left_s / steps] * steps if steps else []
+
+
+def _with_constant_rates(means: FloatArray, plane: TangentPlane, grid: FilterGrid) -> FloatArray:
+    """Means (N, 6) with the bend that constant rates have where each parallel is."""
+    means, own = means.copy(), slice(PARALLEL, PARALLEL + grid.filters_per_motion)
+    _, dec_deg = plane.direction_deg
+    means[own, ACCELERATION:] = constant_rate_bend(
+        dec_deg + means[own, 1] / 3600.0, means[own, 2:4]
     )
-    mean = bank.weights @ means
-    onto = plane_after(bank.plane, mean, dt_s)
+    return means
+
+
+def _stepped(bank: Bank, dt_s: float, factors: NoiseFactors) -> Bank:
+    means = _with_constant_rates(bank.means, bank.plane, bank.grid)
+    onto = plane_after(bank.plane, bank.weights @ means, dt_s)
     after, slopes = propagate_with_jacobian(bank.plane, means, dt_s, onto)
     covariances = slopes @ bank.covariances @ np.swapaxes(slopes, -1, -2)
-    noise = motion_noise(means, motion, dt_s, bank.path_since_update_rad)
+    noise = motion_noise(means, bank.filter_motions, dt_s, bank.path_since_update_rad)
     length = np.hypot(means[:, 2], means[:, 3]) * abs(dt_s) * ARCSEC_RAD
     return _sound(
         replace(
@@ -413,7 +411,7 @@ def bank_of_equal_filters(  # noqa: PLR0917 -- all that one filter says
     ``variance_scale``; all others have the least weight.
     """
     every = len(MOTIONS) * FINE.filters_per_motion
-    nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, _MIN_SCATTER_S)))))
+    nearest = int(np.argmin(np.abs(np.log(SCATTERS_S / max(scatter_s, MIN_SCATTER_S)))))
     widest = int(np.argmin(np.abs(np.log(VARIANCE_SCALES / variance_scale))))
     weights = np.full((len(MOTIONS), len(VARIANCE_SCALES), len(SCATTERS_S)), MIN_WEIGHT)
     weights[:, widest, nearest] = np.maximum(motion_probabilities, MIN_WEIGHT)

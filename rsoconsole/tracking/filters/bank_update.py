@@ -17,11 +17,11 @@ from rsoconsole.records import FloatArray
 from rsoconsole.tracking.filters.bank import (
     MIN_WEIGHT,
     UPDATES_TO_LEARN,
-    VARIANCE_SCALES,
     Bank,
     BankMeasurement,
 )
 from rsoconsole.tracking.filters.factors import NO_FACTORS, NoiseFactors
+from rsoconsole.tracking.filters.filter_grid import VARIANCE_SCALES
 from rsoconsole.tracking.filters.motions import ANY_ORBIT, GREAT_CIRCLE, MOTIONS
 from rsoconsole.tracking.filters.sky_path import ACCELERATION, TangentPlane, propagate_onto_plane
 
@@ -45,38 +45,20 @@ class FilterInnovations:
     log_det: FloatArray
     """(N,) logarithm of the determinant of ``s``."""
 
+    @property
+    def log_likelihoods(self) -> FloatArray:
+        """(N,) logarithms of the measurement's density by each filter."""
+        return np.asarray(-0.5 * (self.nis + self.log_det) - math.log(2.0 * math.pi))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FilterUpdates:
-    """Updates of N filters with one measurement, under one assumed noise."""
+    """Updates of N filters with one measurement."""
 
-    s: FloatArray
-    """(N, 2, 2) covariance of the innovation."""
-    nis: FloatArray
     log_likelihoods: FloatArray
     steps: FloatArray
     """(N, 6) changes of the means."""
     covariances: FloatArray
-
-
-def merged_filter_updates(
-    usual: FilterUpdates, other: FilterUpdates, share: float
-) -> FilterUpdates:
-    """Merge two alternative updates; ``other`` is right with probability ``share``."""
-    log_usual = math.log(1.0 - share) + usual.log_likelihoods
-    log_other = math.log(share) + other.log_likelihoods
-    log_likelihoods = np.logaddexp(log_usual, log_other)
-    of_other = np.exp(log_other - log_likelihoods)[:, None]
-    apart = np.sqrt(of_other * (1.0 - of_other)) * (usual.steps - other.steps)
-    each = of_other[:, :, None]
-    covariances = (1.0 - each) * usual.covariances + each * other.covariances
-    return FilterUpdates(
-        s=(1.0 - share) * usual.s + share * other.s,
-        nis=merged_nis(usual.nis, other.nis, share),
-        log_likelihoods=log_likelihoods,
-        steps=(1.0 - of_other) * usual.steps + of_other * other.steps,
-        covariances=covariances + apart[:, :, None] * apart[:, None, :],
-    )
 
 
 def merged_nis(usual: FloatArray, other: FloatArray, share: float) -> FloatArray:
@@ -130,20 +112,43 @@ def inverses_and_log_dets(s: FloatArray) -> tuple[FloatArray, FloatArray]:
     return inverse, np.log(det)
 
 
-def filter_updates(predicted: FloatArray, found: FilterInnovations) -> FilterUpdates:
-    """Compute the updates of N filters with covariances (N, 6, 6) from their innovations."""
-    gain = predicted[:, :, :2] @ found.inverse
+def filter_updates(
+    predicted: FloatArray, alternatives: Sequence[FilterInnovations], shares: Sequence[float]
+) -> FilterUpdates:
+    """Compute the updates of N filters with covariances (N, 6, 6) from their innovations.
+
+    ``alternatives``: one of them is right, each with the probability in ``shares``; the updates are
+    merged over them.
+    """
+
+    # Filters last: numpy then works along them.
+    def parts(of_each: Sequence[FloatArray]) -> FloatArray:
+        return np.ascontiguousarray(np.moveaxis(np.array(of_each), (0, 1), (-2, -1)))
+
+    places = np.ascontiguousarray(predicted[:, :, :2].T)
+    gain = np.einsum("ain,abhn->bihn", places, parts([each.inverse for each in alternatives]))
+    steps = np.einsum("aihn,ahn->ihn", gain, parts([each.off for each in alternatives]))
+    logs = np.array([each.log_likelihoods for each in alternatives]) + np.log(shares)[:, None]
+    log_likelihoods = np.logaddexp.reduce(logs, axis=0)
+    weights = np.exp(logs - log_likelihoods)
+    step = (weights * steps).sum(axis=1)
+    apart = (steps - step[:, None])[None]
     # Joseph's form keeps it positive; only two columns are measured.
-    half = predicted - gain @ predicted[:, :2]
-    across = np.swapaxes(gain, -1, -2)
-    covariances = half - half[:, :, :2] @ across + gain @ found.noise @ across
+    short = np.einsum("aihn,abhn->bihn", gain, parts([each.s for each in alternatives]))
+    left = weights * np.concatenate([short - places[:, :, None], apart])
+    right = np.concatenate([gain, apart])
+    spread = _by_filter(left) @ np.swapaxes(_by_filter(right), -1, -2)
+    taken = _by_filter((weights * gain).sum(axis=2, keepdims=True)) @ predicted[:, :2]
     return FilterUpdates(
-        s=found.s,
-        nis=found.nis,
-        log_likelihoods=-0.5 * (found.nis + found.log_det) - math.log(2.0 * math.pi),
-        steps=(gain @ found.off[:, :, None])[:, :, 0],
-        covariances=covariances,
+        log_likelihoods=log_likelihoods,
+        steps=step.T,
+        covariances=predicted - taken + spread,
     )
+
+
+def _by_filter(parts: FloatArray) -> FloatArray:
+    """Rows (N, 6, ...) of parts (k, 6, H, N)."""
+    return np.ascontiguousarray(parts.transpose(3, 1, 0, 2)).reshape(parts.shape[-1], 6, -1)
 
 
 RARE, _RARE_SCATTER_S = 0.01, 0.8
@@ -269,32 +274,32 @@ def update_from_innovation(found: BankInnovation) -> BankUpdate:
     """Complete the update of a bank with a measurement, from its innovation."""
     bank, log_weights = found.bank, _log_weights(found.bank)
     learning, length_log_odds = None, bank.length_log_odds
+    alternatives, shares = _alternatives(found)
+    each = filter_updates(bank.covariances, alternatives, shares)
+    updated = log_weights + each.log_likelihoods
     if found.rare is None:
-        each = filter_updates(bank.covariances, found.with_length)
         if found.learning is not None:
             learning = update_from_innovation(found.learning).after
             length_log_odds = learning.length_log_odds
-        updated = _held_log_weights(log_weights + each.log_likelihoods, learning or bank)
+        updated = _held_log_weights(updated, learning or bank)
     else:
-        plain, length_log_odds = _plain(found, log_weights)
-        each = merged_filter_updates(plain, filter_updates(bank.covariances, found.rare), RARE)
-        updated = log_weights + each.log_likelihoods
+        length_log_odds = _updated_length_log_odds(found, log_weights)
         updated -= log_sum_exp(updated)
+    means, covariances = bank.means + each.steps, each.covariances
+    every = bank.grid.filters_per_motion
+    covariances[: ANY_ORBIT * every, ACCELERATION:, :] = 0.0
+    covariances[: ANY_ORBIT * every, :, ACCELERATION:] = 0.0
+    means[GREAT_CIRCLE * every : ANY_ORBIT * every, ACCELERATION:] = 0.0
     after = replace(
         bank,
-        means=bank.means + each.steps,
-        covariances=each.covariances,
+        means=means,
+        covariances=covariances,
         log_weights=np.maximum(updated, math.log(MIN_WEIGHT)),
         path_since_update_rad=np.zeros(len(log_weights)),
         length_log_odds=length_log_odds,
         updates=bank.updates + 1,
         learning=learning if bank.updates + 1 < UPDATES_TO_LEARN else None,
     )
-    motion = bank.filter_motions
-    is_calm = motion < ANY_ORBIT
-    after.covariances[is_calm, ACCELERATION:, :] = 0.0
-    after.covariances[is_calm, :, ACCELERATION:] = 0.0
-    after.means[motion == GREAT_CIRCLE, ACCELERATION:] = 0.0
     return BankUpdate(
         after=_centred(after),
         nis=found.nis,
@@ -337,17 +342,24 @@ def _says_too_much(bank: Bank) -> float:
     return 1.0 / (1.0 + math.exp(bank.length_log_odds))
 
 
-def _plain(found: BankInnovation, log_weights: FloatArray) -> tuple[FilterUpdates, float]:
-    """Update by both hypotheses of the streak's length, and the new log-odds of them."""
-    bank = found.bank
-    with_length = filter_updates(bank.covariances, found.with_length)
+def _alternatives(found: BankInnovation) -> tuple[list[FilterInnovations], list[float]]:
+    """Return what the measurement may be, and the probability of each."""
+    alternatives, shares = [found.with_length], [1.0]
+    if found.without_length is not None:
+        too_much = _says_too_much(found.bank)
+        alternatives, shares = [*alternatives, found.without_length], [1.0 - too_much, too_much]
+    if found.rare is not None:
+        alternatives = [*alternatives, found.rare]
+        shares = [*((1.0 - RARE) * each for each in shares), RARE]
+    return alternatives, shares
+
+
+def _updated_length_log_odds(found: BankInnovation, log_weights: FloatArray) -> float:
     if found.without_length is None:
-        return with_length, bank.length_log_odds
-    without_length = filter_updates(bank.covariances, found.without_length)
-    odds = log_sum_exp(log_weights + with_length.log_likelihoods)
-    odds -= log_sum_exp(log_weights + without_length.log_likelihoods)
-    after = min(max(bank.length_log_odds + odds, -_MAX_LOG_ODDS), _MAX_LOG_ODDS)
-    return merged_filter_updates(with_length, without_length, _says_too_much(bank)), after
+        return found.bank.length_log_odds
+    odds = log_sum_exp(log_weights + found.with_length.log_likelihoods)
+    odds -= log_sum_exp(log_weights + found.without_length.log_likelihoods)
+    return min(max(found.bank.length_log_odds + odds, -_MAX_LOG_ODDS), _MAX_LOG_ODDS)
 
 
 def _centred(bank: Bank) -> Bank:

@@ -60,6 +60,19 @@ def predict(state: TrackState, t_utc_ns: int, settings: FilterConfig, frame_id: 
     return lqe.predict(state, t_utc_ns, settings, frame_id)
 
 
+def predict_motion(
+    state: TrackState, t_utc_ns: int, settings: FilterConfig
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Predict a track's direction (ICRS, deg) and rate east and north (arcsec/s), not their errors.
+
+    As by `predict`, in less time.
+    """
+    if settings.uses_filter_bank:
+        return adaptive.predict_motion(state, t_utc_ns)
+    ahead = lqe.predict(state, t_utc_ns, settings, state.frame_id)
+    return lqe.direction_icrs_deg(ahead), lqe.sky_rate_arcsec_s(ahead)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidateUpdate:
     """Possible update of a track with a measurement: its NIS, and the updated track on demand.

@@ -12,7 +12,6 @@ covariant derivative on a sphere, do Carmo 1976, 4-4.
 import functools
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.sky import direction_to_unit, unit_to_direction
 
 ARCSEC_RAD = math.radians(1.0 / 3600.0)
-X, Y, VX, VY, ACCELERATION, TURN = range(6)
+VX, VY, ACCELERATION, TURN = range(2, 6)
 """Indices of a motion: place (arcsec), rate (arcsec/s), change of speed (arcsec/s^2), turn."""
 _MIN_DEPTH = 0.05
 _SLOWEST_ARCSEC_S = 1e-6
@@ -28,49 +27,56 @@ _STEPS = np.array([1.0, 1.0, 1e-3, 1e-3, 1e-6, 1e-3])
 """Steps of a motion for numerical slopes."""
 
 
-class _Parts(NamedTuple):
-    """Vectors in space as three arrays (...): numpy takes a fifth of the time of rows of three."""
-
-    x: FloatArray
-    y: FloatArray
-    z: FloatArray
-
-    def rows(self) -> FloatArray:
-        """(..., 3) rows of the parts."""
-        return np.stack(self, axis=-1)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentPlane:
-    """Tangent plane at a direction: unit vectors towards it, east and north on it."""
+    """Tangent plane at a direction."""
 
-    towards: FloatArray
-    east: FloatArray
-    north: FloatArray
+    axes: FloatArray
+    """(3, 3) unit vectors of east and north on the plane, and towards the direction, as rows."""
 
     @classmethod
     def at(cls, ra_icrs_deg: float, dec_icrs_deg: float) -> "TangentPlane":
         """Return the plane that touches the sky at a direction."""
         ra, dec = math.radians(ra_icrs_deg), math.radians(dec_icrs_deg)
+        to_east, to_north = (math.cos(ra), math.sin(ra)), (math.cos(dec), math.sin(dec))
         return cls(
-            direction_to_unit(ra_icrs_deg, dec_icrs_deg),
-            np.array([-math.sin(ra), math.cos(ra), 0.0]),
-            np.array([-math.sin(dec) * math.cos(ra), -math.sin(dec) * math.sin(ra), math.cos(dec)]),
+            np.array(
+                [
+                    [-to_east[1], to_east[0], 0.0],
+                    [-to_north[1] * to_east[0], -to_north[1] * to_east[1], to_north[0]],
+                    [to_north[0] * to_east[0], to_north[0] * to_east[1], to_north[1]],
+                ]
+            )
         )
+
+    @property
+    def east(self) -> FloatArray:
+        """(3,) unit vector to the east on the plane."""
+        return np.asarray(self.axes[0])
+
+    @property
+    def north(self) -> FloatArray:
+        """(3,) unit vector to the north on the plane."""
+        return np.asarray(self.axes[1])
+
+    @property
+    def towards(self) -> FloatArray:
+        """(3,) unit vector towards the tangent point."""
+        return np.asarray(self.axes[2])
 
     @property
     def direction_deg(self) -> tuple[float, float]:
         """RA and Dec at which the plane touches the sky."""
-        ra, dec = unit_to_direction(self.towards)
-        return float(ra) % 360.0, float(dec)
+        _, (_, _, cos_dec), (x, y, z) = self.axes.tolist()
+        return math.degrees(math.atan2(y, x)) % 360.0, math.degrees(math.atan2(z, cos_dec))
 
     def project_arcsec(self, ra_icrs_deg: float, dec_icrs_deg: float) -> FloatArray:
         """Return the place (2,) of a direction on the plane, arcsec (east, north).
 
         A direction more than 87 deg from the tangent point is placed far out on its own side.
         """
-        unit = _unit_of(ra_icrs_deg, dec_icrs_deg)
-        flat, depth = np.array([unit @ self.east, unit @ self.north]), float(unit @ self.towards)
+        place = self.axes @ _unit_of(ra_icrs_deg, dec_icrs_deg)
+        flat, depth = place[:2], float(place[2])
         if depth < _MIN_DEPTH:
             size = float(np.hypot(*flat))
             flat = flat / size if size > 0.0 else np.array([1.0, 0.0])
@@ -79,29 +85,9 @@ class TangentPlane:
 
     def direction_of(self, x_arcsec: float, y_arcsec: float) -> tuple[float, float]:
         """Return RA and Dec (ICRS, deg) of a place on the plane."""
-        unit = self.towards + ARCSEC_RAD * (x_arcsec * self.east + y_arcsec * self.north)
+        unit = np.array([x_arcsec * ARCSEC_RAD, y_arcsec * ARCSEC_RAD, 1.0]) @ self.axes
         ra, dec = unit_to_direction(unit)
         return float(ra) % 360.0, float(dec)
-
-    def _placed(self, motion: FloatArray) -> tuple[_Parts, _Parts]:
-        """Unit vectors and rates (rad/s) in space of motions (..., 6)."""
-        x, y = motion[..., X] * ARCSEC_RAD, motion[..., Y] * ARCSEC_RAD
-        vx, vy = motion[..., VX] * ARCSEC_RAD, motion[..., VY] * ARCSEC_RAD
-        axes = list(
-            zip(self.towards.tolist(), self.east.tolist(), self.north.tolist(), strict=True)
-        )
-        unit = _divided(_Parts(*(t + x * e + y * n for t, e, n in axes)))
-        turning = _Parts(*(vx * e + vy * n for _, e, n in axes))
-        outward = _dot(turning, unit)
-        return unit, _Parts(*(v - u * outward for v, u in zip(turning, unit, strict=True)))
-
-    def _seen(self, unit: FloatArray, rate: FloatArray, rest: FloatArray) -> FloatArray:
-        """Motions (..., 6) from the vectors of ``_placed``, with their change (..., 2)."""
-        depth = unit @ self.towards
-        x, y = (unit @ self.east) / depth, (unit @ self.north) / depth
-        vx, vy = rate @ self.east, rate @ self.north
-        flat = np.stack([x, y, vx, vy], axis=-1) / ARCSEC_RAD
-        return np.concatenate([flat, rest], axis=-1)
 
 
 @functools.lru_cache(maxsize=256)
@@ -126,79 +112,76 @@ def constant_rate_bend(dec_icrs_deg: float | FloatArray, rate_arcsec_s: FloatArr
     return np.stack([gain * ARCSEC_RAD, across / speed**2], axis=-1)
 
 
-def propagated_on_sky(
-    plane: TangentPlane, motion: FloatArray, dt_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Propagate motions (..., 6) by ``dt_s`` on the sky.
+def _propagated(motion: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
+    """Propagate motions (6, ...) by ``dt_s`` on the sky.
 
-    Returns unit vectors of the directions and their rates (rad/s), both (..., 3).
+    Returns unit vectors of the directions and their rates (rad/s), both (3, ...), along the axes of
+    the motions' own plane.
     """
-    unit, rate = plane._placed(motion)
+    flat = motion[:4] * ARCSEC_RAD
+    unit, rate = np.ones((3, *flat.shape[1:])), np.zeros((3, *flat.shape[1:]))
+    unit[:2], rate[:2] = flat[:2], flat[2:]
+    unit /= np.sqrt((unit * unit).sum(axis=0))
+    rate -= unit * (rate * unit).sum(axis=0)
     if dt_s == 0.0:
-        return unit.rows(), rate.rows()
-    speed = np.maximum(np.sqrt(_dot(rate, rate)), _SLOWEST_ARCSEC_S * ARCSEC_RAD)
-    ahead = _Parts(*(each / speed for each in rate))
-    gain, turn = motion[..., ACCELERATION] * ARCSEC_RAD, motion[..., TURN]
-    length = speed * dt_s + 0.5 * gain * dt_s**2
-    size = np.sqrt(1.0 + turn**2)
-    across = _cross(unit, ahead)
-    axis = _Parts(*((a + turn * u) / size for a, u in zip(across, unit, strict=True)))
-    angle = length * size
-    c, n = np.cos(angle), np.sin(angle)
+        return unit, rate
+    speed = np.maximum(np.sqrt((rate * rate).sum(axis=0)), _SLOWEST_ARCSEC_S * ARCSEC_RAD)
+    ahead = rate / speed
+    gain, turn = motion[ACCELERATION] * ARCSEC_RAD, motion[TURN]
+    size = np.sqrt(1.0 + turn * turn)
+    angle = (speed * dt_s + 0.5 * gain * dt_s**2) * size
+    c, n = np.cos(angle), np.sin(angle) / size
+    # Rodrigues' rotation about (across + turn * unit) / size; the three are at right angles.
+    across = np.stack(
+        [
+            unit[1] * ahead[2] - unit[2] * ahead[1],
+            unit[2] * ahead[0] - unit[0] * ahead[2],
+            unit[0] * ahead[1] - unit[1] * ahead[0],
+        ]
+    )
     later = np.maximum(speed + gain * dt_s, _SLOWEST_ARCSEC_S * ARCSEC_RAD)
-    moving = _Parts(*(later * each for each in _turned(ahead, axis, c, n)))
-    return _turned(unit, axis, c, n).rows(), moving.rows()
+    along_axis = (across + turn * unit) * (turn * (1.0 - c) / size**2)
+    return unit * c + ahead * n + along_axis, later * (ahead * c + (turn * across - unit) * n)
+
+
+def _onto(plane: TangentPlane, motion: FloatArray, dt_s: float, onto: TangentPlane) -> FloatArray:
+    """Places and rates (4, ...) of motions (6, ...) after ``dt_s``, on another plane."""
+    unit, rate = _propagated(motion, dt_s)
+    turned, shape = onto.axes @ plane.axes.T, unit.shape[1:]
+    place = turned @ unit.reshape(3, -1)
+    flat = np.concatenate([place[:2] / place[2], turned[:2] @ rate.reshape(3, -1)])
+    return np.asarray(flat.reshape(4, *shape) / ARCSEC_RAD)
 
 
 def propagate_onto_plane(
     plane: TangentPlane, motion: FloatArray, dt_s: float, onto: TangentPlane
 ) -> FloatArray:
-    """Propagate motions (..., 6) by ``dt_s`` and express them on another plane, ``onto``.
+    """Propagate motions (N, 6) by ``dt_s`` and express them on another plane, ``onto``.
 
     Change of speed and turn stay the same.
     """
-    unit, rate = propagated_on_sky(plane, motion, dt_s)
-    return onto._seen(unit, rate, motion[..., 4:])
+    after = motion.copy()
+    after[:, :4] = _onto(plane, np.ascontiguousarray(motion.T), dt_s, onto).T
+    return after
 
 
 def propagate_with_jacobian(
     plane: TangentPlane, motion: FloatArray, dt_s: float, onto: TangentPlane
 ) -> tuple[FloatArray, FloatArray]:
-    """Propagate motions (..., 6) onto another plane; return them and the Jacobian (..., 6, 6)."""
-    shifted = motion[None] + (_STEPS * np.eye(6)).reshape(6, *(1,) * (motion.ndim - 1), 6)
-    every = propagate_onto_plane(plane, np.concatenate([motion[None], shifted]), dt_s, onto)
-    after = every[0]
-    columns = (every[1:] - after) / _STEPS.reshape(6, *(1,) * motion.ndim)
-    return after, np.moveaxis(columns, 0, -1)
+    """Propagate motions (N, 6) onto another plane; return them and the Jacobian (N, 6, 6)."""
+    shifted = np.repeat(motion.T[:, None], 7, axis=1)
+    each = np.arange(6)
+    shifted[each, each + 1] += _STEPS[:, None]
+    every = _onto(plane, shifted, dt_s, onto)
+    after, slopes = motion.copy(), np.zeros((len(motion), 6, 6))
+    after[:, :4] = every[:, 0].T
+    slopes[:, :4] = ((every[:, 1:] - every[:, :1]) / _STEPS[:, None]).transpose(2, 0, 1)
+    slopes[:, ACCELERATION, ACCELERATION] = slopes[:, TURN, TURN] = 1.0
+    return after, slopes
 
 
 def plane_after(plane: TangentPlane, motion: FloatArray, dt_s: float) -> TangentPlane:
     """Return the plane that touches the sky at the direction of a motion (6,) after ``dt_s``."""
-    unit, _ = propagated_on_sky(plane, motion, dt_s)
-    ra, dec = unit_to_direction(unit)
+    unit, _ = _propagated(motion, dt_s)
+    ra, dec = unit_to_direction(unit @ plane.axes)
     return TangentPlane.at(float(ra), float(dec))
-
-
-def _turned(vector: _Parts, axis: _Parts, c: FloatArray, n: FloatArray) -> _Parts:
-    """Rotate about unit axes (Rodrigues) by angles given by cosine and sine."""
-    share = _dot(axis, vector)
-    parts = zip(axis, vector, _cross(axis, vector), strict=True)
-    return _Parts(*((a * share + (v - a * share) * c) + across * n for a, v, across in parts))
-
-
-def _dot(one: _Parts, other: _Parts) -> FloatArray:
-    return one.x * other.x + one.y * other.y + one.z * other.z
-
-
-def _divided(vector: _Parts) -> _Parts:
-    """Normalise to length 1."""
-    size = np.sqrt(_dot(vector, vector))
-    return _Parts(*(each / size for each in vector))
-
-
-def _cross(one: _Parts, other: _Parts) -> _Parts:
-    return _Parts(
-        one.y * other.z - one.z * other.y,
-        one.z * other.x - one.x * other.z,
-        one.x * other.y - one.y * other.x,
-    )

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from rsoconsole.records import PixelArray
 from rsoconsole.vision.arrays import ByteArray, Float32Array, IndexArray
-from rsoconsole.vision.frame.median import percentile_of
+from rsoconsole.vision.frame.median import quantiles_of
 from rsoconsole.vision.frame.workers import CALLER_ALONE, Workers
 
 CELL_PX = 16
@@ -266,7 +266,7 @@ def median_5x5(cells: Float32Array, *, is_sky: bool = False) -> Float32Array:
     Cells much brighter than the 98th percentile of all are clipped, as stars. ``is_sky``: True
     where such cells may be sky (an amplifier's glow); medians that bright are then kept.
     """
-    low, high = float(cells.min()), percentile_of(cells, 98.0)
+    low, high = quantiles_of(cells, (0.0, 0.98))
     # Cells brighter than most are stars: where exactly they lie cannot move a median.
     high += 0.25 * (high - low)
     step = max(high - low, 1e-6) / _MAX_CODE

@@ -1,9 +1,13 @@
-"""Median of some hundreds of values and percentile of many, faster than numpy's own."""
+"""The median and quantiles of some hundreds of values, faster than numpy's own."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+
+_MANY = 2000
+"""Number of values from which it costs less to put one of them in its place than three."""
 
 
 def median_of(values: npt.ArrayLike) -> float:
@@ -18,20 +22,21 @@ def median_of(values: npt.ArrayLike) -> float:
     if count == 0:
         return math.nan
     middle = count // 2
-    flat.partition((middle, count - 1) if count % 2 else (middle - 1, middle, count - 1))
-    if np.isnan(flat[-1]):
+    if count > _MANY:
+        flat.partition(middle)
+        below, last = flat[:middle].max(), flat[middle:].max()
+    else:
+        flat.partition((middle, count - 1) if count % 2 else (middle - 1, middle, count - 1))
+        below, last = flat[middle - 1], flat[-1]
+    if np.isnan(last):
         return math.nan
     if count % 2:
         return float(flat[middle])
-    return float((flat[middle - 1] + flat[middle]) / flat.dtype.type(2.0))
+    return float((below + flat[middle]) / flat.dtype.type(2.0))
 
 
-def percentile_of(values: npt.NDArray[np.floating], percent: float) -> float:
-    """Return a percentile below 100, equal to numpy's, in a third of the time for many values."""
-    rank = 0.01 * percent * (values.size - 1)
-    below = int(rank)
-    ordered = np.partition(values, below, axis=None)
-    first = ordered[below]
-    return float(first) + (rank - below) * float(
-        ordered[below + 1 :].min(initial=ordered[-1]) - first
-    )
+def quantiles_of(values: npt.ArrayLike, shares: Sequence[float]) -> list[float]:
+    """Return the quantiles of finite values at ``shares`` (0 to 1), equal to numpy's."""
+    order = np.sort(values, axis=None)
+    places = np.multiply(shares, order.size - 1)
+    return list(map(float, np.interp(places, np.arange(order.size), order)))

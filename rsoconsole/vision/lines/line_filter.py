@@ -19,7 +19,7 @@ from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import Float32Array, IndexArray
 from rsoconsole.vision.frame.background import Background, resample
 from rsoconsole.vision.frame.bins import CELL_PX, median_5x5, perpendicular_line_masks
-from rsoconsole.vision.frame.median import percentile_of
+from rsoconsole.vision.frame.median import median_of
 from rsoconsole.vision.lines._line_seeds import LineSeeds, find_seeds, sum_threshold_sigma
 from rsoconsole.vision.lines.segments import Ends, length_of, midpoint_of
 from rsoconsole.vision.stars.star_list import StarList, lit_radius_px
@@ -91,7 +91,7 @@ def propose_lines(
     cells *= np.divide(np.float32(side_px), noise, out=noise)
     cells = limited_snr(cells)
     cells -= _around(cells, FINEST_PX // side_px)
-    _cover(cells, side_px, stars, percentile_of(sky.noise, 50.0))
+    _cover(cells, side_px, stars, median_of(sky.noise))
     found = [(line, side_px) for line in find_lines(cells)]
     # What draws the stars out may draw a streak out as far, to a band.
     coarser = 0 if stars.trail is None else round(_OF_A_BAND * stars.trail.length_px / side_px)

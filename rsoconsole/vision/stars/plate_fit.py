@@ -16,7 +16,8 @@ import numpy as np
 from rsoconsole.records import FloatArray, PlatePath, Solution, Wcs
 from rsoconsole.sky import describe_field, pixel_to_sky, separation_deg, sky_to_pixel
 from rsoconsole.vision.arrays import IndexArray
-from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest
+from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest, squared_distances
 
 MAX_STARS = 400
 _ROUNDS = 8
@@ -67,7 +68,7 @@ def refit(
     for round_number in range(_ROUNDS):
         x, y = sky_to_pixel(wcs, catalogue[:, 0], catalogue[:, 1])
         predicted = np.stack([x, y], axis=1)
-        pairs = _pair(stars, predicted, tolerance)
+        pairs = mutual_nearest(squared_distances(stars, predicted), tolerance**2)
         if len(pairs[0]) < MIN_MATCHED:
             return None
         # The first rounds only straighten the start: distortion is fitted to settled matches.
@@ -138,15 +139,6 @@ def catalogue_stars_in_frame(
     return np.flatnonzero(is_inside)[:most]
 
 
-def _pair(
-    stars: FloatArray, predicted: FloatArray, tolerance_px: float
-) -> tuple[IndexArray, IndexArray]:
-    """Mutual nearest neighbours within the tolerance: each star at most once."""
-    difference = stars[:, None, :] - predicted[None, :, :]
-    distance2 = np.nan_to_num(np.einsum("ijk,ijk->ij", difference, difference), nan=np.inf)
-    return mutual_nearest(distance2, tolerance_px**2)
-
-
 def _robust_fit(
     stars: FloatArray,
     catalogue: FloatArray,
@@ -175,7 +167,7 @@ def _robust_fit(
             np.hypot(x - stars[pairs[0], 0], y - stars[pairs[0], 1]), nan=np.inf
         )
         # The median of a Rayleigh distribution is 1.177 sigma.
-        sigma_px = float(np.median(miss_px[keep])) / 1.177
+        sigma_px = median_of(miss_px[keep]) / 1.177
         good = miss_px <= max(4.0 * sigma_px, 0.05)
         if good.sum() < MIN_MATCHED or np.array_equal(good, keep):
             break
@@ -192,15 +184,17 @@ def _fit(
     u, v = ((xy - centre) / unit_px).T
     ra0, dec0 = (float(a) for a in pixel_to_sky(wcs, centre[0], centre[1]))
     plane = _to_plane(radec, ra0, dec0)
-    order = _best_order(u, v, plane, max_order)
-    terms = _terms(order)
-    design = np.stack([u**p * v**q for p, q in terms], axis=1)
-    coefficients = np.linalg.lstsq(design, plane, rcond=None)[0]
+    terms = [(d - q, q) for d in range(max_order + 1) for q in range(d + 1)]
+    powers_u, powers_v = (np.vander(each, max_order + 1, increasing=True) for each in (u, v))
+    design = powers_u[:, [p for p, _ in terms]] * powers_v[:, [q for _, q in terms]]
+    count = _best_count(design, plane, max_order)
+    terms, to_coefficients = terms[:count], np.linalg.pinv(design[:, :count])
+    coefficients = to_coefficients @ plane
     for _ in range(3):
         # Moving the tangent point onto the centre leaves no constant in the plate.
         shifted = pixel_to_sky(_unit_plane(ra0, dec0), coefficients[0, 0], coefficients[0, 1])
         ra0, dec0 = float(shifted[0]), float(shifted[1])
-        coefficients = np.linalg.lstsq(design, _to_plane(radec, ra0, dec0), rcond=None)[0]
+        coefficients = to_coefficients @ _to_plane(radec, ra0, dec0)
     cd = coefficients[1:3].T / unit_px
     sip = np.linalg.solve(cd, coefficients[3:].T)
     named = [
@@ -220,25 +214,22 @@ def _fit(
     )
 
 
-def _best_order(u: FloatArray, v: FloatArray, plane: FloatArray, max_order: int) -> int:
-    best, best_press = 1, math.inf
+def _best_count(design: FloatArray, plane: FloatArray, max_order: int) -> int:
+    """Number of terms of the order chosen by PRESS; ``design``: lower orders come first."""
+    # Its first columns are the orthogonal ones of the lower orders.
+    q_matrix, _ = np.linalg.qr(design)
+    best, best_press = 0, math.inf
     for order in range(1, max_order + 1):
-        terms = _terms(order)
-        if order > 1 and len(u) < _STARS_PER_TERM * len(terms):
+        count = (order + 1) * (order + 2) // 2
+        if order > 1 and len(design) < _STARS_PER_TERM * count:
             break
-        design = np.stack([u**p * v**q for p, q in terms], axis=1)
-        q_matrix, _ = np.linalg.qr(design)
-        residual = plane - q_matrix @ (q_matrix.T @ plane)
-        leverage = np.clip(np.sum(q_matrix**2, axis=1), 0.0, 0.999)
+        own = q_matrix[:, :count]
+        residual = plane - own @ (own.T @ plane)
+        leverage = np.clip(np.sum(own**2, axis=1), 0.0, 0.999)
         press = float(np.sqrt(np.mean((residual / (1.0 - leverage[:, None])) ** 2)))
-        if press < _PRESS_GAIN * best_press:
-            best, best_press = order, press
+        if not best or press < _PRESS_GAIN * best_press:
+            best, best_press = count, press
     return best
-
-
-def _terms(order: int) -> list[tuple[int, int]]:
-    """Terms (0, 0), (1, 0), (0, 1), then every (p, q) of each higher degree."""
-    return [(d - q, q) for d in range(order + 1) for q in range(d + 1)]
 
 
 def _unit_plane(ra0_deg: float, dec0_deg: float) -> Wcs:

@@ -14,7 +14,7 @@ from rsoconsole.records import FloatArray, Wcs
 from rsoconsole.sky import describe_field, pixel_to_sky, sky_to_pixel
 from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.stars.plate_fit import MAX_STARS, PlateFit, catalogue_stars_in_frame, refit
-from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest
+from rsoconsole.vision.stars.star_pairs import MIN_MATCHED, mutual_nearest, squared_distances
 
 _VOTE_BIN_PX = 6.0
 
@@ -94,9 +94,8 @@ def _voted_offset(
     stars: FloatArray, predicted: FloatArray, reach_px: float
 ) -> tuple[float, float] | None:
     """Offset (star minus prediction) that most pairs agree on; None without a clear majority."""
-    difference = (stars[:, None, :] - predicted[None, :, :]).reshape(-1, 2)
-    with np.errstate(invalid="ignore"):
-        near = difference[np.hypot(difference[:, 0], difference[:, 1]) <= reach_px]
+    one, other = np.nonzero(squared_distances(stars, predicted) <= reach_px**2)
+    near = stars[one] - predicted[other]
     if len(near) < MIN_MATCHED:
         return None
     half = math.ceil(reach_px / _VOTE_BIN_PX) + 1

@@ -3,12 +3,14 @@
 Pure: distances or places in, indices out; and how the light of such pairs compares.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import IndexArray
+from rsoconsole.vision.frame.median import median_of, quantiles_of
 
 MIN_MATCHED = 6
 _MAX_OFF = 0.5
@@ -38,6 +40,14 @@ def mutual_nearest(distance: FloatArray, within: float) -> tuple[IndexArray, Ind
     return rows[is_pair], nearest[is_pair]
 
 
+def squared_distances(one_px: FloatArray, other_px: FloatArray) -> FloatArray:
+    """(n, m) squared distances of places (n, 2) and (m, 2); infinite for a place that is NaN."""
+    (x, y), (other_x, other_y) = (np.where(np.isnan(p), np.inf, p).T for p in (one_px, -other_px))
+    distance2 = np.asarray(np.add.outer(x, other_x) ** 2)
+    distance2 += np.add.outer(y, other_y) ** 2
+    return distance2
+
+
 def match_stars(
     one_px: FloatArray, other_px: FloatArray, reach_px: float
 ) -> tuple[IndexArray, IndexArray]:
@@ -47,8 +57,7 @@ def match_stars(
     """
     if not len(one_px) or not len(other_px):
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-    apart = np.hypot(*(one_px[:, None] - other_px[None]).transpose(2, 0, 1))
-    return mutual_nearest(np.where(apart < reach_px, apart, np.inf), reach_px)
+    return mutual_nearest(squared_distances(one_px, other_px), reach_px**2)
 
 
 def compare_stars(
@@ -66,7 +75,7 @@ def compare_stars(
     if len(i) < MIN_MATCHED:
         return None
     ratio = other_adu[j] / one_adu[i]
-    low, middle, high = (float(each) for each in np.percentile(ratio, (25.0, 50.0, 75.0)))
-    off_px = float(np.hypot(*np.median(other_px[j] - one_px[i], axis=0)))
+    low, middle, high = quantiles_of(ratio, (0.25, 0.5, 0.75))
+    off_px = math.hypot(*map(median_of, (other_px[j] - one_px[i]).T))
     is_good = middle > 0.0 and off_px < _MAX_OFF * fwhm and high - low < _MAX_SCATTER * middle
     return StarComparison(flux_ratio=middle, is_good=is_good)

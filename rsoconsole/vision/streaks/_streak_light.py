@@ -11,7 +11,8 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.frame.median import median_of
+from rsoconsole.vision.frame.median import median_of, quantiles_of
+from rsoconsole.vision.lines.line_columns import running_mean
 from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
@@ -146,7 +147,7 @@ def fading_of(pixels: PixelArray, sky: Background, ends: Ends, width_px: float) 
     if window > _LONGEST_WINDOW * light[inner].size:
         return None
     calm = _smoothed(light, window)
-    level = float(np.percentile(calm[inner], 80.0))
+    (level,) = quantiles_of(calm[inner], (0.8,))
     is_full = calm[inner] > _FULL * level
     if level <= 0.0 or not is_full.any():
         return None
@@ -237,13 +238,10 @@ def _depth(light: FloatArray, period_px: float) -> float:
 
 def _without_stars(light: FloatArray) -> FloatArray:
     """Cut single high places of the light back to the level of the rest."""
-    middle, upper = (float(each) for each in np.percentile(light, (50.0, 84.0)))
+    middle, upper = quantiles_of(light, (0.5, 0.84))
     return np.minimum(light, middle + _STAR_FOLD * max(upper - middle, 0.0))
 
 
 def _smoothed(values: FloatArray, window: int) -> FloatArray:
     """Running mean over ``window`` (odd), the ends repeated."""
-    half = min(window, 2 * values.size - 1) // 2
-    padded = np.pad(values, half, mode="edge")
-    kernel = np.full(2 * half + 1, 1.0 / (2 * half + 1))
-    return np.asarray(np.convolve(padded, kernel, mode="valid"))
+    return running_mean(values, min(window, 2 * values.size - 1))

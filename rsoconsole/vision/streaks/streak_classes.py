@@ -10,6 +10,7 @@ import numpy as np
 from rsoconsole.records import Detection, Frame, NotAStreak, Rejection
 from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.frame.median import quantiles_of
 from rsoconsole.vision.lines.segments import Ends
 from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.streaks._streak_light import (
@@ -223,8 +224,8 @@ def _scatter(stars: StarList) -> float:
     widths = widths[~stars.is_saturated]
     if widths.size < _MIN_STARS:
         return _UNKNOWN_SCATTER
-    low, high = np.percentile(np.log(np.maximum(widths, 0.1)), (25.0, 75.0))
-    return float(_PER_QUARTILES * (high - low))
+    low, high = quantiles_of(np.log(np.maximum(widths, 0.1)), (0.25, 0.75))
+    return _PER_QUARTILES * (high - low)
 
 
 def _star_share(stars: StarList, ends: Ends, light: StreakLight) -> float | None:

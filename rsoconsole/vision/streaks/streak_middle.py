@@ -16,6 +16,7 @@ import logging
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -200,16 +201,12 @@ def _way(strip: LineStrip, first: float, last: float, sigma: float) -> _Wanderin
     row = np.arange(-rim, rim + 1) / sigma
     light = light / typical - _STRAIGHT * row[:, None] ** 2
     turning = _SMOOTH / stride * (row[:, None] - row) ** 2
-    best, came_from = light[:, 0], []
+    best = [light[:, 0]]
     for column in light.T[1:]:
-        reached = best - turning
-        came_from.append(reached.argmax(axis=1))
-        best = reached.max(axis=1) + column
-    place = int(best.argmax())
-    places = [place]
-    for back in reversed(came_from):
-        place = int(back[place])
-        places.append(place)
+        best.append(np.maximum.reduce(best[-1] - turning, axis=1) + column)
+    places = [int(best.pop().argmax())]
+    for before in reversed(best):
+        places.append(int((before - turning[places[-1]]).argmax()))
     rows = np.interp(strip.columns, columns, np.array(places[::-1], np.float64) - rim)
     calmer = cv2.GaussianBlur(rows[None], (0, 0), 0.5 * sigma, borderType=cv2.BORDER_REPLICATE)
     return _Wandering(np.asarray(calmer[0]))
@@ -243,7 +240,8 @@ def _look(
     """Fit even motion between these ends, and a wander, to the profile."""
     a, b = ends
     sources = int(np.clip(round(b - a), _MIN_SOURCES, _MAX_SOURCES))
-    share = (np.arange(sources) + 0.5) / sources
+    cosines = int(np.clip(round((b - a) / (_FINEST * sigma)), 2, _MAX_COSINES))
+    share, wander, inverses, log_sizes = _wanders(sources, cosines)
     step, along = (b - a) / sources, 2.0 * share - 1.0
     away = u[:, None] - (a + share * (b - a))
     seen = np.exp(-0.5 * (away / sigma) ** 2) * (step / (math.sqrt(2.0 * math.pi) * sigma))
@@ -252,8 +250,6 @@ def _look(
     flux = float((weight * light) @ shape) / float((weight * shape) @ shape)
     if not flux > 0.0:
         return None
-    cosines = int(np.clip(round((b - a) / (_FINEST * sigma)), 2, _MAX_COSINES))
-    wander = np.cos(np.pi * share[:, None] * np.arange(1, cosines + 1))
     terms = np.concatenate(
         [
             np.stack([shape, flux * pushed.sum(axis=1), flux * (pushed @ along)], axis=1),
@@ -263,43 +259,48 @@ def _look(
         axis=1,
     )
     weighed = (terms * weight[:, None]).T
-    right = weighed @ light
-    chances, covariances = _priors(weighed @ terms, right, share, wander, sigma)
-    explained = float(chances @ (covariances @ right @ right))
-    solved = covariances[:, _SOUGHT] @ right
-    value = chances @ solved
-    own = np.stack([covariances[:, each, each] for each in _SOUGHT], axis=1)
+    right, normal = weighed @ light, weighed @ terms
+    steady = slice(_WANDER + cosines, len(normal))
+    normal[steady, steady] += np.eye(2) / _UNSTEADY**2
+    # Each way of wandering: information on the terms, and what its prior weighs.
+    fars = np.array(_WANDERS) * sigma
+    every = np.tile(normal, (len(_LASTS), len(fars), 1, 1))
+    at = slice(_WANDER, _WANDER + cosines)
+    every[:, :, at, at] += inverses[:, None] / (fars**2)[:, None, None]
+    every = every.reshape(-1, *normal.shape)
+    sizes = (log_sizes[:, None] + 2.0 * cosines * np.log(fars)).ravel()
+    asked = np.stack([right, *np.eye(len(right))[list(_SOUGHT)]], axis=1)
+    solved = np.linalg.solve(every, np.tile(asked, (len(every), 1, 1)))
+    values, rows = solved[:, _SOUGHT, 0], np.swapaxes(solved[:, :, 1:], 1, 2)
+    explained = solved[:, :, 0] @ right
+    likely = 0.5 * (explained - np.linalg.slogdet(every)[1] - sizes)
+    chances = np.exp(likely - likely.max())
+    chances /= chances.sum()
+    value = chances @ values
+    own = np.stack([rows[:, n, each] for n, each in enumerate(_SOUGHT)], axis=1)
     return _Look(
         value=value,
-        variance=chances @ (own + (solved - value) ** 2),
-        weights=np.einsum("g,gij,jk->ik", chances, covariances[:, _SOUGHT], weighed),
-        misfit=(float(weight @ light**2) - explained) / len(light),
+        variance=chances @ (own + (values - value) ** 2),
+        weights=np.einsum("g,gij->ij", chances, rows) @ weighed,
+        misfit=(float(weight @ light**2) - float(chances @ explained)) / len(light),
     )
 
 
-def _priors(
-    normal: FloatArray, right: FloatArray, share: FloatArray, wander: FloatArray, sigma: float
-) -> tuple[FloatArray, FloatArray]:
-    """Likelihood of each way of wandering, (G,), and the covariance with it, (G, terms, terms)."""
-    cosines = wander.shape[1]
-    to_cosines = 2.0 / len(share) * wander
-    at = slice(_WANDER, _WANDER + cosines)
-    steady = np.zeros_like(normal)
-    steady[at.stop :, at.stop :] = np.eye(len(normal) - at.stop) / _UNSTEADY**2
-    informations, sizes = [], []
+@lru_cache(maxsize=32)
+def _wanders(sources: int, cosines: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Shares (sources,) of the exposure, the cosines there, and the prior of their sizes.
+
+    The prior: for each of ``_LASTS`` the inverse of its covariance and the logarithm of its
+    determinant, for a wander of sigma 1.
+    """
+    share = (np.arange(sources) + 0.5) / sources
+    wander = np.cos(np.pi * share[:, None] * np.arange(1, cosines + 1))
+    to_cosines = 2.0 / sources * wander
+    inverses, log_sizes = [], []
     for lasts in _LASTS:
         alike = np.exp(-np.abs(share[:, None] - share) / lasts)
         covariance = to_cosines.T @ alike @ to_cosines
         covariance += _JITTER * np.trace(covariance) / cosines * np.eye(cosines)
-        inverse, (_, log_size) = np.linalg.inv(covariance), np.linalg.slogdet(covariance)
-        for far in _WANDERS:
-            information = normal + steady
-            information[at, at] += inverse / (far * sigma) ** 2
-            informations.append(information)
-            sizes.append(log_size + 2.0 * cosines * math.log(far * sigma))
-    every = np.array(informations)
-    covariances = np.asarray(np.linalg.inv(every), np.float64)
-    explained = (covariances @ right) @ right
-    likely = 0.5 * (explained - np.linalg.slogdet(every)[1] - np.array(sizes))
-    chances = np.exp(likely - likely.max())
-    return np.asarray(chances / chances.sum(), np.float64), covariances
+        inverses.append(np.linalg.inv(covariance))
+        log_sizes.append(np.linalg.slogdet(covariance)[1])
+    return share, wander, np.array(inverses), np.array(log_sizes)
