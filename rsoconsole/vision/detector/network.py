@@ -141,9 +141,9 @@ class Network:
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """Load the network at ``path`` (None: the shipped one) and check it against its .json.
 
-        ``threads``: 0 for as many as ``workers.threads_for`` gives; the network's results do not
-        depend on it. Raises ModelError when a file is missing, damaged, or not a network of this
-        form.
+        ``threads``: of the detector, one of which looks for stars and lines meanwhile; 0 for as
+        many as ``workers.threads_for`` gives. The results do not depend on it.
+        Raises ModelError when a file is missing, damaged, or not a network of this form.
         """
         model, card_path = _files_of(path)
         card = _read_card(card_path)
@@ -160,7 +160,7 @@ class Network:
                 f"(SHA-256 {digest[:12]}... instead of {card['sha256'][:12]}...): {_REINSTALL}"
             )
         with _quiet_stderr():
-            interpreter = _interpreter(content, threads_for(threads), model)
+            interpreter = _interpreter(content, max(threads_for(threads) - 1, 1), model)
         _check_form(interpreter, model)
         return cls(interpreter, card)
 

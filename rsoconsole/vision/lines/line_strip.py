@@ -52,6 +52,11 @@ class LineStrip:
         """Indices of the columns, from 0."""
         return np.arange(self.values.shape[1])
 
+    @property
+    def rows(self) -> Float32Array:
+        """(2 reach + 1, 1) rows, counted from the middle one."""
+        return np.arange(-self.reach, self.reach + 1, dtype=np.float32)[:, None]
+
     def at(self, u: float, v: float) -> tuple[float, float]:
         """Convert a place in the strip (``u`` along, ``v`` across, px) to a pixel of the frame."""
         return self.x0_px + u * self.dx - v * self.dy, self.y0_px + u * self.dy + v * self.dx
@@ -190,15 +195,15 @@ def subtract_sky_beside(strip: LineStrip, course: StripLine, sigma: float) -> No
     strip.values[:] -= light / np.maximum(count, 1.0)
 
 
-def gaussian_weights(
-    strip: LineStrip, columns: IndexArray, course: StripPath, sigma: float
-) -> Float32Array:
-    """Return weights of a strip's pixels: in each column a Gaussian about the path, sum 1."""
-    v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
-    return _gaussian(v - course.at(columns).astype(np.float32), sigma)
+def rows_about(strip: LineStrip, path: Float32Array, sigma: float) -> slice:
+    """Rows of a strip within five sigma of a path's rows (any shape), counted from its middle."""
+    room = strip.reach + 5.0 * sigma
+    first, last = float(path.min()) - 5.0 * sigma, float(path.max()) + room
+    return slice(max(math.floor(first + strip.reach), 0), max(math.ceil(last) + 1, 0))
 
 
-def _gaussian(off: Float32Array, sigma: float) -> Float32Array:
+def gaussian_across(off: Float32Array, sigma: float) -> Float32Array:
+    """Return the weight of pixels ``off`` px beside a path: a Gaussian whose sum is 1."""
     scaled = off / np.float32(sigma)
     scaled *= scaled
     scaled *= np.float32(-0.5)
@@ -245,13 +250,14 @@ def profiles_beside(
     strip: LineStrip, course: StripPath, sigma: float, offsets: Sequence[float]
 ) -> list[LineProfile]:
     """Measure the light as ``profile_of`` along paths beside a path, ``offsets`` px from it."""
-    v = np.arange(-strip.reach, strip.reach + 1)[:, None]
-    path = course.at(strip.columns)
-    off = np.stack([v - (path + offset) for offset in offsets]).astype(np.float32)
-    weight = _gaussian(off, sigma)
-    known = weight * strip.is_good
-    share = np.einsum("kij,kij->kj", known, weight).astype(np.float64)
-    light = np.einsum("kij,ij->kj", known, strip.values).astype(np.float64)
+    path = course.at(strip.columns).astype(np.float32)
+    paths = path + np.array(offsets, dtype=np.float32)[:, None]
+    rows = rows_about(strip, paths, sigma)
+    weight = gaussian_across(strip.rows[rows] - paths[:, None], sigma)
+    known = weight * strip.is_good[rows]
+    light = (known * strip.values[rows]).sum(axis=1).astype(np.float64)
+    known *= weight
+    share = known.sum(axis=1).astype(np.float64)
     is_known = share > MIN_KNOWN / (2.0 * math.sqrt(math.pi) * sigma)
     share = np.maximum(share, _SMALLEST)
     lights = np.where(is_known, light / share, 0.0)

@@ -25,8 +25,9 @@ from rsoconsole.vision.lines.line_strip import (
     LineStrip,
     StripLine,
     cut_out_strip,
-    gaussian_weights,
+    gaussian_across,
     profile_of,
+    rows_about,
     subtract_sky_beside,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
@@ -209,26 +210,27 @@ def _better(strip: LineStrip, inside: slice, course: StripLine, sigma: float) ->
     start = StripLine(
         middle, float(course.at(middle)), course.slope, course.sigma_offset, course.sigma_slope
     )
-    v = np.arange(-strip.reach, strip.reach + 1, dtype=np.float32)[:, None]
     starts = _starts_of_parts(chosen.size)
     centres = np.add.reduceat(chosen, starts) / np.diff(starts, append=chosen.size) - middle
-    values, is_good = strip.values[:, inside], strip.is_good[:, inside]
     for _ in range(3):
-        off = v - start.at(chosen).astype(np.float32)
-        weight = gaussian_weights(strip, chosen, start, sigma)
-        nominal = np.einsum("ij,ij->j", weight, weight)
-        weight *= is_good
+        path = start.at(chosen).astype(np.float32)
+        rows = rows_about(strip, path, sigma)
+        off = strip.rows[rows] - path
+        weight = gaussian_across(off, sigma)
+        nominal = (weight * weight).sum(axis=0)
+        weight *= strip.is_good[rows, inside]
         # What a mask leaves of a column is a star's wing, not the line.
-        weight *= np.einsum("ij,ij->j", weight, weight) > MIN_KNOWN * nominal
-        tilted, lights = weight * off, weight * values
-        of_columns = np.stack(
+        weight *= (weight * weight).sum(axis=0) > MIN_KNOWN * nominal
+        lights = weight * strip.values[rows, inside]
+        of_columns = np.array(
             [
-                np.einsum("ij,ij->j", lights, off),
-                np.einsum("ij,ij->j", tilted, tilted),
+                (lights * off).sum(axis=0),
+                ((weight * off) ** 2).sum(axis=0),
                 lights.sum(axis=0),
-                np.einsum("ij,ij->j", weight, weight),
-            ]
-        ).astype(np.float64)
+                (weight * weight).sum(axis=0),
+            ],
+            dtype=np.float64,
+        )
         moment, spread, light, known = np.add.reduceat(of_columns, starts, axis=1)
         typical = max(float(light.sum()) / max(float(known.sum()), _SMALLEST), _SMALLEST)
         is_seen = spread > 0.0
