@@ -30,6 +30,7 @@ _MIN_RATIO = 1.4
 _SAME_ANGLE_DEG, _SAME_LENGTH = 8.0, 0.25
 _AGREE_SHARE = 0.5
 _MIN_SNR = 7.0
+_MIN_PIXELS = 5
 _RIM_PX = 2
 _LONG, _LONG_SNR, _MAX_RATIO, _SHAPE_SEEN_SNR = 2.0, 10.0, 4.0, 40.0
 """Least length in star widths and SNR of a long one; axis ratio and SNR that count at most."""
@@ -147,9 +148,14 @@ def _piece(
     """Measure the light connected with one bright pixel."""
     import cv2
 
-    ys = mirrored_indices(np.arange(y0 - HALF_PX, y0 + HALF_PX + 1), pixels.shape[0])
-    xs = mirrored_indices(np.arange(x0 - HALF_PX, x0 + HALF_PX + 1), pixels.shape[1])
-    box = pixels[np.ix_(ys, xs)].astype(np.float32)
+    height, width = pixels.shape
+    first_x, first_y = x0 - HALF_PX, y0 - HALF_PX
+    if first_x >= 0 and first_y >= 0 and x0 + HALF_PX < width and y0 + HALF_PX < height:
+        box = pixels[first_y : y0 + HALF_PX + 1, first_x : x0 + HALF_PX + 1].astype(np.float32)
+    else:
+        ys = mirrored_indices(np.arange(first_y, y0 + HALF_PX + 1), height)
+        xs = mirrored_indices(np.arange(first_x, x0 + HALF_PX + 1), width)
+        box = pixels[np.ix_(ys, xs)].astype(np.float32)
     if float(box[HALF_PX, HALF_PX]) > 0.95 * saturation_adu:
         return None
     noise = sky.at(sky.noise, x0, y0)
@@ -157,35 +163,30 @@ def _piece(
     smooth = cv2.GaussianBlur(box, (0, 0), 1.0)
     threshold = max(_LIT_SHARE * float(smooth[HALF_PX, HALF_PX]), _LIT_SIGMA * noise * 0.3)
     lit = (smooth > threshold).astype(np.uint8)
-    _, labels = cv2.connectedComponents(lit, connectivity=8)
-    if labels[HALF_PX, HALF_PX] == 0:
+    if not lit[HALF_PX, HALF_PX]:
         return None
-    rows, columns = np.nonzero(labels == labels[HALF_PX, HALF_PX])
-    light = smooth[rows, columns].astype(np.float64)
-    flux = float(light.sum())
-    if flux <= 0.0 or len(light) < 5:
+    count, _, _, (left, top, wide, high) = cv2.floodFill(lit, None, (HALF_PX, HALF_PX), 2, flags=8)
+    within = slice(top, top + high), slice(left, left + wide)
+    light = cv2.moments(np.where(lit[within] == 2, smooth[within], np.float32(0.0)))
+    flux = light["m00"]
+    if flux <= 0.0 or count < _MIN_PIXELS:
         return None
-    x, y = float(light @ columns) / flux, float(light @ rows) / flux
-    dx, dy = columns - x, rows - y
-    xx, yy, xy = (float(light @ part) / flux for part in (dx * dx, dy * dy, dx * dy))
+    x, y = left + light["m10"] / flux, top + light["m01"] / flux
+    xx, yy, xy = (light[each] / flux for each in ("mu20", "mu02", "mu11"))
     mean, gap = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     edge = 2 * HALF_PX - _RIM_PX
     return _Piece(
-        x_px=x0 + x - HALF_PX,
-        y_px=y0 + y - HALF_PX,
+        x_px=first_x + x,
+        y_px=first_y + y,
         flux=flux,
-        snr=flux / (noise * math.sqrt(len(light))),
+        snr=flux / (noise * math.sqrt(count)),
         along=math.sqrt(max(mean + gap, 1e-3)),
         across=math.sqrt(max(mean - gap, 1e-3)),
         angle_deg=0.5 * math.degrees(math.atan2(2.0 * xy, xx - yy)) % 180.0,
-        is_whole=bool(
-            rows.min() > _RIM_PX
-            and columns.min() > _RIM_PX
-            and rows.max() < edge
-            and columns.max() < edge
-            and x0 + columns.min() - HALF_PX >= 0
-            and x0 + columns.max() - HALF_PX < pixels.shape[1]
-            and y0 + rows.min() - HALF_PX >= 0
-            and y0 + rows.max() - HALF_PX < pixels.shape[0]
-        ),
+        is_whole=min(left, top) > _RIM_PX
+        and max(left + wide, top + high) <= edge
+        and first_x + left >= 0
+        and first_x + left + wide <= width
+        and first_y + top >= 0
+        and first_y + top + high <= height,
     )
