@@ -17,8 +17,8 @@ import numpy as np
 
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import BoolArray
-from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_strip import LineProfile, LineStrip, StripLine, profiles_beside
+from rsoconsole.vision.frame.median import median_of, quantiles_of
+from rsoconsole.vision.lines.line_strip import LineProfile, LineStrip, StripLine, light_along
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _MAX_PARTS = 48
@@ -40,18 +40,22 @@ def surroundings_scatter_ratio(
     away = 3.5 * sigma + 2.0
     found: list[float] = []
     further = away + 2.0 * sigma + 1.0
-    for beside in profiles_beside(strip, course, sigma, (-away, -further, away, further)):
-        used = known & beside.is_known
-        light, error = beside.light[used], beside.error[used]
-        whole = light.size // window * window
+    columns = np.flatnonzero(known)
+    paths = course.at(columns).astype(np.float32) + np.array(
+        [[-away], [-further], [away], [further]], dtype=np.float32
+    )
+    beside = light_along(strip.values[:, columns], strip.is_good[:, columns], paths, sigma)
+    for light, error in zip(*beside, strict=True):
+        used = error < np.inf
+        whole = np.count_nonzero(used) // window * window
         if whole:
-            sums = light[:whole].reshape(-1, window).sum(axis=1)
-            variances = (error[:whole].reshape(-1, window) ** 2).sum(axis=1)
+            sums = light[used][:whole].reshape(-1, window).sum(axis=1)
+            variances = (error[used][:whole].reshape(-1, window) ** 2).sum(axis=1)
             found += (sums / np.sqrt(variances)).tolist()
     if len(found) < _ENOUGH:
         return 1.0
     each = np.array(found)
-    return max(1.0, _MAD_TO_SIGMA * median_of(np.abs(each - np.median(each))))
+    return max(1.0, _MAD_TO_SIGMA * median_of(np.abs(each - median_of(each))))
 
 
 def line_texture(
@@ -72,7 +76,8 @@ def line_texture(
         place, light, sigmas = _parts(profile, ends, 2 * count, scatter)
     if place.size < _MIN_PARTS:
         return 0.0, 0.0
-    quartile = float(np.percentile(light / sigmas, 25.0)) * math.sqrt(place.size)
+    (quartile,) = quantiles_of(light / sigmas, (0.25,))
+    quartile *= math.sqrt(place.size)
     return quartile, _roughness(place, light, sigmas)
 
 
@@ -101,9 +106,14 @@ def _parts(
 def _roughness(place: FloatArray, light: FloatArray, sigmas: FloatArray) -> float:
     """Root of the variance that neither a parabola nor one sine explains, over the mean."""
     n = light.size
-    t = (place - place.mean()) / max(float(np.ptp(place)), 1.0) * 2.0
-    slow = np.vander(t, 3 if n >= 8 else 2 if n >= 5 else 1, increasing=True)
-    basis, _ = np.linalg.qr(slow)
+    t = (place - place.mean()) / max(float(place[-1] - place[0]), 1.0) * 2.0
+    terms: list[FloatArray] = []
+    for power in range(3 if n >= 8 else 2 if n >= 5 else 1):
+        term = t**power
+        for each in terms:
+            term = term - (each @ term) * each
+        terms.append(term / math.sqrt(term @ term))
+    basis = np.array(terms).T
     rest = light - basis @ (basis.T @ light)
     used, left = basis.shape[1], float(rest @ rest)
     if n >= 10:

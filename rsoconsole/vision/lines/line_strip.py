@@ -5,7 +5,6 @@ line with the frame's own point-spread function as weight.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -128,9 +127,12 @@ def cut_out_strip(
     )
     values -= level
     values /= np.maximum(noise, _SMALLEST)
-    v = np.arange(-reach, reach + 1)[:, None]
-    x, y = x0 + u * dx - v * dy, y0 + u * dy + v * dx
-    is_there = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
+    is_there = np.ones(values.shape, dtype=bool)
+    for start, along, across, edge in ((x0, dx, -dy, width), (y0, dy, dx, height)):
+        corners = [start + i * along + j * across for i in (0, count - 1) for j in (-reach, reach)]
+        if min(corners) < -0.5 or max(corners) > edge - 0.5:
+            place = start + u * along + np.arange(-reach, reach + 1)[:, None] * across
+            is_there &= (place >= -0.5) & (place <= edge - 0.5)
     strip = LineStrip(values, is_there, x0, y0, dx, dy, reach, (low > wanted[0], high < wanted[1]))
     _mask_stars(strip, stars, median_of(noise), -low, length - low)
     return strip
@@ -150,6 +152,8 @@ def _mask_stars(
     half_trail = 0.5 * stars.trail.length_px if stars.trail is not None else 0.0
     room = 40.0 + half_trail
     near = (along > -room) & (along < columns + room) & (np.abs(across) < strip.reach + room)
+    if not near.any():
+        return
     tilt = 0.0
     if stars.trail is not None:
         tilt = math.radians(stars.trail.angle_deg) - math.atan2(strip.dy, strip.dx)
@@ -195,11 +199,11 @@ def subtract_sky_beside(strip: LineStrip, course: StripLine, sigma: float) -> No
     strip.values[:] -= light / np.maximum(count, 1.0)
 
 
-def rows_about(strip: LineStrip, path: Float32Array, sigma: float) -> slice:
-    """Rows of a strip within five sigma of a path's rows (any shape), counted from its middle."""
-    room = strip.reach + 5.0 * sigma
-    first, last = float(path.min()) - 5.0 * sigma, float(path.max()) + room
-    return slice(max(math.floor(first + strip.reach), 0), max(math.ceil(last) + 1, 0))
+def rows_about(reach: int, paths: Float32Array, sigma: float) -> slice:
+    """Rows of a strip within five sigma of paths' rows (any shape), counted from its middle."""
+    room = 5.0 * sigma
+    first, last = float(paths.min()) - room, float(paths.max()) + room
+    return slice(max(math.floor(first + reach), 0), max(math.ceil(last + reach) + 1, 0))
 
 
 def gaussian_across(off: Float32Array, sigma: float) -> Float32Array:
@@ -243,26 +247,26 @@ class LineProfile:
 
 def profile_of(strip: LineStrip, course: StripPath, sigma: float) -> LineProfile:
     """Measure the light of a strip along a path in it, matched across to ``sigma`` px."""
-    return profiles_beside(strip, course, sigma, (0.0,))[0]
-
-
-def profiles_beside(
-    strip: LineStrip, course: StripPath, sigma: float, offsets: Sequence[float]
-) -> list[LineProfile]:
-    """Measure the light as ``profile_of`` along paths beside a path, ``offsets`` px from it."""
     path = course.at(strip.columns).astype(np.float32)
-    paths = path + np.array(offsets, dtype=np.float32)[:, None]
-    rows = rows_about(strip, paths, sigma)
-    weight = gaussian_across(strip.rows[rows] - paths[:, None], sigma)
-    known = weight * strip.is_good[rows]
-    light = (known * strip.values[rows]).sum(axis=1).astype(np.float64)
+    light, error = light_along(strip.values, strip.is_good, path, sigma)
+    return LineProfile(light=light, error=error, sigma=sigma)
+
+
+def light_along(
+    values: Float32Array, is_good: BoolArray, paths: Float32Array, sigma: float
+) -> tuple[FloatArray, FloatArray]:
+    """Light per pixel of length along paths (..., columns) in a strip, and its error.
+
+    As in ``LineProfile``.
+    """
+    reach = values.shape[0] // 2
+    rows = rows_about(reach, paths, sigma)
+    v = np.arange(-reach, reach + 1, dtype=np.float32)[rows, None]
+    weight = gaussian_across(v - paths[..., None, :], sigma)
+    known = weight * is_good[rows]
+    light = (known * values[rows]).sum(axis=-2).astype(np.float64)
     known *= weight
-    share = known.sum(axis=1).astype(np.float64)
+    share = known.sum(axis=-2).astype(np.float64)
     is_known = share > MIN_KNOWN / (2.0 * math.sqrt(math.pi) * sigma)
     share = np.maximum(share, _SMALLEST)
-    lights = np.where(is_known, light / share, 0.0)
-    errors = np.where(is_known, 1.0 / np.sqrt(share), np.inf)
-    return [
-        LineProfile(light=light, error=error, sigma=sigma)
-        for light, error in zip(lights, errors, strict=True)
-    ]
+    return np.where(is_known, light / share, 0.0), np.where(is_known, 1.0 / np.sqrt(share), np.inf)

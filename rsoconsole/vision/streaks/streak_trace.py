@@ -214,7 +214,7 @@ def _better(strip: LineStrip, inside: slice, course: StripLine, sigma: float) ->
     centres = np.add.reduceat(chosen, starts) / np.diff(starts, append=chosen.size) - middle
     for _ in range(3):
         path = start.at(chosen).astype(np.float32)
-        rows = rows_about(strip, path, sigma)
+        rows = rows_about(strip.reach, path, sigma)
         off = strip.rows[rows] - path
         weight = gaussian_across(off, sigma)
         nominal = (weight * weight).sum(axis=0)
