@@ -2,8 +2,9 @@
 
     PYTHONPATH=TREE python tests/bench/cycle_program.py FOLDER...
 
-Imports nothing of ``tests``, and finds names where either tree has them. Prints one line of JSON:
-of each folder the milliseconds of each frame by stage, streaks and state; and the largest memory.
+Imports nothing of ``tests``, and finds names where either tree has them. Takes one frame after
+each line that it reads, so that two trees can take turns, and prints a line of JSON for each: the
+milliseconds of its stages, streaks, state, and the largest memory so far, MiB.
 """
 
 import importlib
@@ -38,11 +39,10 @@ OPEN = _named("open_reducer", "rsoconsole.pipeline", "rsoconsole.pipeline.open")
 FOLLOWING = _named("Following", "rsoconsole.tracking", "rsoconsole.tracking.follow")
 
 
-def _measured(reducer: Any, config: Config, folder: Path) -> dict[str, Any]:
+def _measure(reducer: Any, config: Config, folder: Path) -> None:
     cycle, following, planner = CYCLE(reducer, config), FOLLOWING(), PLANNER(config)
-    rows: list[dict[str, float]] = []
-    streaks: list[int] = []
     for taken in json.loads((folder / "frames.json").read_text()):
+        sys.stdin.readline()
         t_ns, ra, dec = taken["t_ns"], taken["ra_deg"], taken["dec_deg"]
         frame = Frame(
             frame_id=taken["number"],
@@ -54,7 +54,7 @@ def _measured(reducer: Any, config: Config, folder: Path) -> dict[str, Any]:
             pointing_ra_icrs_deg=ra,
             pointing_dec_icrs_deg=dec,
         )
-        if not rows:
+        if taken["number"] == 1:
             report = REPORT(
                 t_utc_ns=t_ns,
                 ra_icrs_deg=ra,
@@ -72,25 +72,26 @@ def _measured(reducer: Any, config: Config, folder: Path) -> dict[str, Any]:
         planner.plan(following, t_ns + 12 * NS)
         ended_s = time.perf_counter()
         reduce_ms = result.reduction.stage_ms
-        rows.append(
-            {
+        found = {
+            "streaks": len(result.reduction.detections.detections),
+            "state": str(following.state),
+            "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            "ms": {
                 **reduce_ms,
                 "filter": (folded_s - began_s) * 1e3 - sum(reduce_ms.values()),
                 "plan": (ended_s - folded_s) * 1e3,
                 "total": (ended_s - began_s) * 1e3,
-            }
-        )
-        streaks.append(len(result.reduction.detections.detections))
-    return {"rows": rows, "streaks": streaks, "state": str(following.state)}
+            },
+        }
+        print(json.dumps(found), flush=True)
 
 
 def main() -> None:
-    """Measure all folders with one reducer, and print."""
+    """Measure all folders with one reducer."""
     config = Config()
     with OPEN(config) as (reducer, _):
-        found = {each: _measured(reducer, config, Path(each)) for each in sys.argv[1:]}
-    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(json.dumps({"folders": found, "peak_mib": peak_mib}))
+        for folder in sys.argv[1:]:
+            _measure(reducer, config, Path(folder))
 
 
 if __name__ == "__main__":
