@@ -101,7 +101,10 @@ def main() -> None:
             f"{'from frame to plan':30}{'streaks':>8}{'before':>8}{'after':>8}{'ratio':>7}   95 %"
         )
         for name in folders:
-            _print_ratios(name, *(sum((each[name][at] for each in rounds), []) for at in (0, 1)))
+            before, after = (
+                [row for each in rounds for row in each[name][at]] for at in range(len(trees))
+            )
+            _print_ratios(name, before, after)
 
 
 def _print_stages(name: str, rows: Sequence[dict[str, Any]]) -> None:
