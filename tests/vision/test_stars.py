@@ -169,3 +169,8 @@ def test_where_pixels_were_joined_stars_close_together_are_all_found() -> None:
     usual, dense = (len(find_stars(to_adu(image), block_px=px)) for px in (8, 4))
     assert dense > 0.95 * len(truth)
     assert usual < 0.8 * len(truth)
+
+
+@pytest.mark.parametrize("value", [0, 1000])
+def test_a_frame_of_one_value_has_no_stars(value: int):
+    assert len(find_stars(np.full((2048, 2400), value, np.uint16))) == 0

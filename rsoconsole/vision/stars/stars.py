@@ -145,6 +145,8 @@ def _candidates(
     excess *= binning / resample(sky.noise, per_cell, rows, columns)
     is_peak = (excess > _CANDIDATE_SIGMA) & (excess >= cv2.dilate(excess, np.ones((3, 3))))
     row, column = np.divmod(np.flatnonzero(is_peak), columns)
+    if row.size == 0:
+        return column, row
     order = np.argsort(-excess[row, column], kind="stable")
     row, column = row[order], column[order]
     for asked in (_ASKED_EACH * count, _MAX_ASKED):
