@@ -34,7 +34,7 @@ class Bench:
 ALL = (
     Bench(
         name="console",
-        arguments=("--frames", "2000", "--seconds", "8", "--bytes-over", "4", "--repeats", "3"),
+        arguments=("--frames", "2000", "--seconds", "8", "--repeats", "3"),
         figures=("first_paint_s", "whole_night_s", "key_ms"),
     ),
     Bench(
