@@ -1,6 +1,5 @@
 """One frame to measurements: detect, solve, measure. The engine and every replay run this."""
 
-import gc
 import logging
 import time
 from collections.abc import Iterator
@@ -275,8 +274,6 @@ def open_reducer(config: Config) -> Iterator[tuple[FrameReducer, str]]:
     network = Network.load(config.detector.model, config.detector.threads)
     curve = ConfidenceCurve.from_card(network.card)
     with PlateSolver(config.solver.index_dirs, start_s=config.waits.process_s) as solver:
-        # What is loaded by now stays: no collection need look through it at each frame.
-        gc.freeze()
         yield (
             FrameReducer(network, curve, PlateFinder(solver, config), config),
             str(network.card["sha256"]),

@@ -154,7 +154,7 @@ def _candidates(
         x_px, y_px = _brightest_pixels(pixels, row[chosen], column[chosen], binning, block_px)
         is_light = ~_is_lone_pixel(pixels, sky, x_px, y_px)
         x_px, y_px = x_px[is_light], y_px[is_light]
-        if 2 * len(x_px) >= len(chosen):
+        if 2 * len(x_px) >= len(chosen) or len(chosen) == row.size:
             break
     chosen = _spread(x_px, y_px, sky, count)
     return x_px[chosen], y_px[chosen]

@@ -27,6 +27,7 @@ from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 CLIP = 5.0
 """Largest signal to noise of a part that counts when the line is searched: a star is no line."""
 TIMES_LEVEL = 3.0
+"""Brightness, over most of a line's, from which a place on it is another light."""
 _EDGE_SNR, _HIDDEN_PX = 6.0, 3.0
 _SMALLEST = 1e-9
 
@@ -118,6 +119,10 @@ def describe_line(
     profile: LineProfile,
     trail: StarTrail | None,
 ) -> LineTrace | None:
+    """Return the line whose lit columns are ``inside``; None where too little of it is seen.
+
+    ``course``: of the line in the strip; ``profile``: its light; ``trail``: of trailed stars.
+    """
     if np.count_nonzero(profile.is_known[inside]) < 4:
         return None
     first, last, size = inside.start - 0.5, inside.stop - 0.5, profile.columns.size
