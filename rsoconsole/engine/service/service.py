@@ -254,11 +254,13 @@ def _cut_off_session(config: Config, instruments: Instruments) -> Path | None:
 
 
 def _load_ahead(config: Config) -> None:
-    """Load in the background what would delay the first frame with two satellites by a second."""
+    """Load in the background what would delay the first frame with two satellites by a second.
+
+    What is loaded by now stays for good: no collection walks through it at each frame.
+    """
     if config.filter.uses_filter_bank and config.filter.most_tracks > 1:
         name = "scipy.optimize"
         threading.Thread(target=import_module, args=(name,), daemon=True, name=name).start()
-    # What is loaded stays for good: no collection need walk through it at each frame.
     gc.freeze()
 
 
