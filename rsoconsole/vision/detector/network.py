@@ -88,7 +88,7 @@ def decode_candidates(answer: Float32Array, lowest_logit: float) -> FloatArray:
     length = np.minimum(np.exp(np.minimum(log_length, 5.0)) * LENGTH_UNIT_CELLS, _LONGEST_CELLS)
     theta = 0.5 * np.arctan2(sin2, cos2)
     ux, uy = 0.5 * length * np.cos(theta), 0.5 * length * np.sin(theta)
-    return np.stack([logits, x - ux, y - uy, x + ux, y + uy], axis=1)
+    return np.stack([logits, x - ux, y - uy, x + ux, y + uy], axis=1).astype(np.float64)
 
 
 def keep_distinct(candidates: FloatArray) -> FloatArray:
