@@ -33,7 +33,9 @@ class MountReport:
     age_s: float = 0.0
     """Age of the driver's report, s, by wall clock; 0 in the simulated observatory."""
     is_parking: bool = False
-    """True on the way to the park position, as the driver reports."""
+    """True on the way to the park position, or where the driver reports that the mount is there and
+    no measurement shows it yet.
+    """
     motion: Motion = field(default_factory=Motion)
     """Motion measured from the reported directions."""
 

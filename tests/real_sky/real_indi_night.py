@@ -232,10 +232,10 @@ def wait_for_server() -> None:
 
 
 def wait_for_arrival(instruments: Instruments) -> MountReport:
-    """The first report that does not slew."""
+    """The first report that neither slews nor parks."""
     for _ in range(400):
         report = instruments.mount.report()
-        if not report.is_slewing:
+        if not (report.is_slewing or report.is_parking):
             return report
         time.sleep(0.1)
     raise AssertionError("the mount never arrived")

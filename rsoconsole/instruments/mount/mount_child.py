@@ -47,6 +47,7 @@ _FIRST_LOOK_S = 2.0
 CAME_BACK = (
     "the mount's driver has come back while an order or a STOP was under way: ABORT was sent first"
 )
+PARKING_ENDED = "the mount was not seen at rest in its park position yet: ABORT was sent first"
 
 
 class MountChild:
@@ -216,6 +217,7 @@ class MountChild:
         client, mirror = self._ready()
         self._new_order(order)
         if mirror.is_parking:
+            self._writer.send({"event": "message", "text": PARKING_ENDED})
             self._ready_halt().end_motion("track")
         if mirror.is_reported_parked:
             before = client.send_switch(PARK, "UNPARK")
