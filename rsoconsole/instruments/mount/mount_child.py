@@ -44,9 +44,7 @@ _TRACKING_ASKED_S = 0.5
 _ARRIVED_ALREADY_DEG = 0.05
 _SAME_SITE_DEG = 0.01
 _FIRST_LOOK_S = 2.0
-CAME_BACK = (
-    "the mount's driver has come back while an order or a STOP was under way: ABORT was sent first"
-)
+CAME_BACK = "the mount's driver has come back during an order or a STOP: ABORT was sent first"
 PARKING_ENDED = "the mount was not seen at rest in its park position yet: ABORT was sent first"
 
 
