@@ -43,7 +43,7 @@ rso.measure("a.fits", t_start="2026-01-01T00:00:00")  # error: arg-type
 rso.measure("a.fits", site="Daytona")  # error: arg-type
 rso.track(measured, preset="kalman")  # error: arg-type
 rso.orbit(tracks)  # error: arg-type
-rso.orbit(tracks[1], prior="leo")  # error: arg-type
+rso.orbit(tracks[1], prior="low")  # error: arg-type
 rso.identify(found, gate="wide")  # error: call-overload
 found.omm("yaml")  # error: arg-type
 found.sigma  # error: attr-defined
