@@ -299,9 +299,11 @@ def test_a_parked_mount_refuses_what_it_cannot_do_and_stays_parked(tracking_post
 
 def test_unpark_ends_the_way_to_the_park_position(tracking_post):
     tracking_post.mount.park()
+    tracking_post.mount.take_messages()
     tracking_post.mount.unpark()
     report = tracking_post.mount.report()
     assert (report.is_slewing, report.is_parked) == (False, False)
+    assert any("in its park position yet" in text for text in tracking_post.mount.take_messages())
     tracking_post.slew()
     assert tracking_post.mount.report().is_slewing
 
