@@ -295,7 +295,8 @@ def running_clock_offset_s(host: str, port: int, device: str) -> float | None:
         offsets_s: list[float] = []
         for number in range(2):
             if number:
-                time.sleep(_CLOCK_APART_S)
+                # What the driver tells everybody meanwhile is not the answer.
+                wire.wait(lambda _: False, _CLOCK_APART_S)
             wire.ask(device, TIME)
             vector = wire.wait(lambda v: (v.device, v.name) == (device, TIME), _CLOCK_ANSWER_S)
             mount_utc_ns = None if vector is None else _utc_ns(vector.values.get("UTC", ""))
