@@ -40,7 +40,7 @@ from rsoconsole.sky import deg_to_hours, hours_to_deg, icrs_to_jnow, separation_
 from rsoconsole.words import NO_PARK
 
 _REPORTED = (COORDINATES, PARK, TRACKING, SIDE)
-_TOLD_S = 0.5
+_ANSWERED_S = 0.5
 _ARRIVED_ALREADY_DEG = 0.05
 _SAME_SITE_DEG = 0.01
 _FIRST_LOOK_S = 2.0
@@ -283,7 +283,7 @@ class MountChild:
                 self._await_report(reported.serial)
         elif client.get(TIME) is None:
             # Right after the start a driver may still be telling its properties.
-            client.wait(TIME, lambda _: True, _TOLD_S)
+            client.wait(TIME, lambda _: True, _ANSWERED_S)
         offset_s = mirror.utc_offset_s()
         if offset_s is None and client.get(TIME) is not None and self._address is not None:
             # Another program has connected it: what it says may be of then, or of now.
@@ -327,7 +327,7 @@ class MountChild:
             return None
         member = "TRACK_ON" if is_on else "TRACK_OFF"
         answer = self._switch(TRACKING, member)
-        client.wait(TRACKING, lambda v: bool(v.values.get(member)), _TOLD_S, answer.serial - 1)
+        client.wait(TRACKING, lambda v: bool(v.values.get(member)), _ANSWERED_S, answer.serial - 1)
         self._await_report(answer.serial)
         return mirror.is_reported_tracking
 
