@@ -12,6 +12,7 @@ import numpy as np
 
 from models.fields import clip_to_box
 from models.frames import Split, TrueFrame, TrueTrail, noise_electrons, sky_field
+from models.telescopes import FULL, QUARTER, TELESCOPES, joined, of_8_bits, telescope
 from rsoconsole.records import FloatArray, Frame
 from rsoconsole.simulator import (
     FWHM_PER_SIGMA,
@@ -25,7 +26,6 @@ from rsoconsole.simulator import (
     straight_streak,
 )
 
-QUARTER = SensorModel(width_px=2328, height_px=1760)
 EXPOSURE_S = 10.0
 LENGTH_PX, LONG_PX = (30.0, 600.0), (600.0, 3000.0)
 SNR, FAINT_SNR = (20.0, 340.0), (10.0, 20.0)
@@ -35,6 +35,8 @@ _RIM_PX = 20.0
 _STEPS = 400
 _WIND_TAU_S = 0.3
 _UNLIKE_STARS_FWHM = 2.0
+_MAX_SKY = 0.3
+"""Largest share of the sensor's range that the sky fills."""
 
 Rng = np.random.Generator
 
@@ -190,24 +192,18 @@ def plain(scene: Scene, _severity: float, _: Rng) -> Scene:
     return scene
 
 
-def joined(factor: float) -> SensorModel:
-    """Sensor whose pixels are binned by this factor, with the same number of pixels."""
-    n = round(factor)
-    return replace(
-        QUARTER,
-        pixel_um=QUARTER.pixel_um * n,
-        e_per_adu12=QUARTER.e_per_adu12 * n**2,
-        full_well_e=QUARTER.full_well_e * n**2,
-        read_noise_e=QUARTER.read_noise_e * n,
-        dark_e_s=QUARTER.dark_e_s * n**2,
-        prnu=QUARTER.prnu / n,
+def seen_through(scene: Scene, number: float, _: Rng) -> Scene:
+    """Expose and blur the scene as telescope ``number`` does."""
+    seen, content, sensor = telescope(number), scene.content, scene.sensor
+    times = seen.exposure_s / EXPOSURE_S
+    most_e = _MAX_SKY * sensor.largest_value_adu12 * sensor.e_per_adu12
+    content = replace(
+        content,
+        fwhm_px=seen.fwhm_px,
+        sky_electrons_px=min(content.sky_electrons_px * times, most_e),
+        star_electrons=content.star_electrons * times,
     )
-
-
-def of_8_bits(electrons: float) -> SensorModel:
-    return replace(
-        QUARTER, adc_bits=8, stored_shift_bits=0, e_per_adu12=electrons, offset_adu12=4.0
-    )
+    return replace(scene, content=content)
 
 
 FAMILIES: Mapping[str, Family] = {
@@ -252,14 +248,23 @@ FAMILIES: Mapping[str, Family] = {
     ),
     "long": Family(
         title="600 to 3,000 px", low=0.0, high=0.0, alter=plain, length_px=LONG_PX,
-        sensor=lambda _: replace(QUARTER, width_px=4656, height_px=3520),
+        sensor=lambda _: FULL,
     ),
     "faint": Family(
         title="any of these, SNR 10 to 20", low=0.0, high=0.0, alter=plain, snr=FAINT_SNR
     ),
+    "telescope": Family(
+        title="any telescope, SNR from 15, no.", low=0.0, high=TELESCOPES - 1.0,
+        alter=seen_through, sensor=lambda n: telescope(n).sensor, is_counted=True,
+        length_px=(40.0, 600.0), snr=(15.0, 340.0),
+    ),
+    "limit": Family(
+        title="as it is, SNR 9 to 25, 30 to 300 px", low=0.0, high=0.0, alter=plain,
+        length_px=(30.0, 300.0), snr=(9.0, 25.0), sensor=lambda _: FULL,
+    ),
 }  # fmt: skip
 _RESHAPING, _MORE_OF_THEM = ("blur", "ring", "drift", "wind"), 4
-_ALTERING = tuple(name for name in FAMILIES if name not in {"long", "faint"})
+_ALTERING = tuple(name for name in FAMILIES if name not in {"long", "faint", "telescope", "limit"})
 
 
 def draw(name: str, number: int, split: Split = "test") -> tuple[Frame, Truth, tuple[Streak, ...]]:
@@ -297,7 +302,7 @@ def draw_altered(split: Split, number: int) -> TrueFrame:
 
 def family_of(number: int) -> str:
     """Family of the altered frame with this number."""
-    turns = (*FAMILIES, *(_RESHAPING * _MORE_OF_THEM))
+    turns = (*(each for each in FAMILIES if each != "limit"), *(_RESHAPING * _MORE_OF_THEM))
     return turns[number % len(turns)]
 
 
@@ -345,11 +350,11 @@ def _drawn(name: str, number: int, split: Split) -> tuple[Frame, Truth, Scene]:
     sensor = scene.sensor
     length_px = math.exp(float(rng.uniform(*np.log(family.length_px))))
     seen = _place(sensor, length_px, rng)
-    while family.alter is drifted and _is_as_stars(scene, seen):
+    while family.alter is drifted and is_as_stars(scene, seen):
         seen = _place(sensor, length_px, rng)
-    ends = _before_motion(scene, seen)
+    ends = before_motion(scene, seen)
     wanted = math.exp(float(rng.uniform(*np.log(family.snr))))
-    streak, snr = _lit(scene, _path(scene, ends), length_px, wanted)
+    streak, snr = lit_streak(scene, streak_path(scene, ends), length_px, wanted)
     content = replace(scene.content, streaks=(streak, *scene.others))
     frame = Frame(
         frame_id=number,
@@ -359,7 +364,7 @@ def _drawn(name: str, number: int, split: Split) -> tuple[Frame, Truth, Scene]:
         scale_arcsec_px=sensor.scale_arcsec_px,
         saturation_adu=sensor.saturation_adu,
     )
-    a, b = _truth_ends(scene, ends)
+    a, b = true_ends(scene, ends)
     truth = Truth(x_a_px=a[0], y_a_px=a[1], x_b_px=b[0], y_b_px=b[1], snr=snr, severity=severity)
     return frame, truth, scene
 
@@ -375,7 +380,7 @@ def _place(sensor: SensorModel, length_px: float, rng: Rng) -> FloatArray:
             return np.stack([middle - half, middle + half])
 
 
-def _is_as_stars(scene: Scene, ends: FloatArray) -> bool:
+def is_as_stars(scene: Scene, ends: FloatArray) -> bool:
     """True where a streak differs from the stars' trails by less than two widths of a star."""
     if scene.motion is None:
         return False
@@ -385,12 +390,12 @@ def _is_as_stars(scene: Scene, ends: FloatArray) -> bool:
     return apart < _UNLIKE_STARS_FWHM * scene.content.fwhm_px
 
 
-def _before_motion(scene: Scene, ends: FloatArray) -> FloatArray:
+def before_motion(scene: Scene, ends: FloatArray) -> FloatArray:
     """Ends less the image's motion, so that with it the streak is as long as was asked."""
     return ends - _shifts(scene)
 
 
-def _path(scene: Scene, ends: FloatArray) -> Streak:
+def streak_path(scene: Scene, ends: FloatArray) -> Streak:
     """Streak with one electron."""
     x, y = (np.linspace(ends[0, axis], ends[1, axis], _STEPS) for axis in (0, 1))
     if scene.motion is not None:
@@ -398,7 +403,7 @@ def _path(scene: Scene, ends: FloatArray) -> Streak:
     return Streak(x_px=x, y_px=y, electrons=1.0, brightness=scene.brightness)
 
 
-def _lit(scene: Scene, path: Streak, length_px: float, wanted: float) -> tuple[Streak, float]:
+def lit_streak(scene: Scene, path: Streak, length_px: float, wanted: float) -> tuple[Streak, float]:
     """Streak with the light for the wanted integrated SNR, and the SNR that a few steps reach."""
     sensor, content = scene.sensor, scene.content
     noise_e = noise_electrons(sensor, content)
@@ -412,7 +417,7 @@ def _lit(scene: Scene, path: Streak, length_px: float, wanted: float) -> tuple[S
     return replace(path, electrons=light), snr
 
 
-def _truth_ends(scene: Scene, ends: FloatArray) -> tuple[tuple[float, float], tuple[float, float]]:
+def true_ends(scene: Scene, ends: FloatArray) -> tuple[tuple[float, float], tuple[float, float]]:
     """Ends of the straight line that the satellite's path in the image is on average.
 
     Of a drift that is the path itself; wind shakes it to either side.

@@ -53,7 +53,7 @@ ORDINARY: tuple[Kind, ...] = ("empty", "satellites")
 HARD_COUNTS = 0.3
 """Weight of a false candidate of a hard frame in ``fit_weights``; such a frame has dozens."""
 _AT_TAU = math.log(TAU / (1.0 - TAU))
-_FOR = ("network", "log_snr", "steady", "extent", "one_line", "like_line")
+_FOR = ("verifier", "network")
 _EITHER = ("constant", "blurred", "drifted")
 _CONSTANTS = [FEATURES.index(f"{way}constant") for way in IMAGE_KINDS]
 _MIN_TRUE = 12

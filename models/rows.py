@@ -19,22 +19,25 @@ from models.altered import draw_altered
 from models.frames import KINDS, Kind, Split, TrueFrame, draw
 from models.judging import FrameRow, Judge
 from rsoconsole.simulator import SensorModel
-from rsoconsole.vision import MODEL_NAME
+from rsoconsole.vision import MODEL_NAME, VERIFIER_NAME
 
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"
 _PRODUCT = HERE.parent / "rsoconsole"
 _LOOKING = ("rsoconsole/vision/**/*.py", "rsoconsole/simulator/**/*.py")
 _ALL: tuple[Kind, ...] = (*KINDS, "altered")
-_DRAWING = ("models/frames.py", "models/altered.py", "models/nuisances.py", "models/judging.py")
+_DRAWING = tuple(
+    f"models/{name}.py" for name in ("frames", "altered", "telescopes", "nuisances", "judging")
+)
 _NOT_LOOKING = ("rsoconsole/vision/detector/confidence.py",)
 
 Task = tuple[Split, Kind, int]
 
 
 def fingerprint() -> str:
-    """Fingerprint of the network and of all source files on which a row depends."""
+    """Fingerprint of both networks and of all source files on which a row depends."""
     digest = hashlib.sha256((HERE / MODEL_NAME).read_bytes())
+    digest.update((HERE / VERIFIER_NAME).read_bytes())
     card = json.loads((HERE / MODEL_NAME).with_suffix(".json").read_text(encoding="utf-8"))
     digest.update(json.dumps(card["calibration"], sort_keys=True).encode())
     root = HERE.parent

@@ -24,7 +24,6 @@ from rsoconsole.cli.demo.demo import config_for_world, demo_config
 from rsoconsole.cli.demo.demo_night import SimulatedNight, run_night
 from rsoconsole.config import with_setting
 from rsoconsole.control import (
-    Accept,
     Command,
     ControlClient,
     Goto,
@@ -51,6 +50,7 @@ WORLD = {
     "seeing": {"fwhm_arcsec": 4.0},
     "sensor": {"binning": 2},
     "clouds": {"rate_h": 2.0, "duration_s": 60.0, "extinction_mag": 12.0},
+    "satellite": {"fainter_mag": 0.65},
 }
 KEPT_FRAMES = (9, 13)
 MAX_BYTES = 8_000_000
@@ -62,9 +62,8 @@ ELEMENTS = "rsoconsole/simulator/data/belt_20230622.tle"
 OPERATOR = Sender.console("observer@demo")
 COMMANDS: Mapping[int, Sequence[Command]] = {
     5: (Note(text="one satellite in the field, no clouds"),),
-    12: (Set(name="detector.tau", value=0.75),),
+    12: (Set(name="detector.tau", value=0.95),),
     14: (
-        Accept(frame_id=13),
         Set(name="detector.tau", value=0.1),
         Set(name="filter.q_multiplier", value=2.0, frames=4),
         Set(name="filter.r_multiplier", value=1.5, frames=4),

@@ -343,7 +343,11 @@ def _meta_frames(table: Any) -> list[FrameObservations]:
             raise InputError(f"meta[{META!r}]['frames'] is damaged: a frame's record is missing")
         found.append(
             FrameObservations(
-                taken=taken, detections=detections, solution=solution, measurements=()
+                taken=taken,
+                # What is not in the caller's table is tracked in no run.
+                detections=replace(detections, rejected=()),
+                solution=solution,
+                measurements=(),
             )
         )
     return found

@@ -126,7 +126,7 @@ class NightFrames:
                 self._expect(record.frame_id)
                 self._change(record.frame_id, solution=record)
             case Measurement():
-                self._append("measurements", record)
+                self._measurement(record)
             case Closeup():
                 self._change(record.frame_id, closeup=record)
             case TrackState():
@@ -236,6 +236,13 @@ class NightFrames:
         of_lead = {what: record} if record.is_lead else {}
         self._change(record.frame_id, tracks=tuple(tracks.values()), **of_lead)
 
+    def _measurement(self, record: Measurement) -> None:
+        before = self.frame_by_id(record.frame_id).measurements
+        # The fold records a faint one with each track that takes it.
+        known = {each.measurement_id for each in before}
+        if record.source != "faint" or record.measurement_id not in known:
+            self._append("measurements", record)
+
     def _decision(self, record: Ruling) -> None:
         # Marks before this one count no more.
         measured = self.frame_by_id(record.frame_id).measurements
@@ -251,6 +258,8 @@ class NightFrames:
             ("tracks", "not_followed", "misses", "orbits", "names"), ()
         )
         self._own.pop(id(frame), None)
+        # Of those below tau the fold records again what a track takes now.
+        nothing["measurements"] = tuple(m for m in frame.measurements if m.source != "faint")
         self._change(frame_id, predicted=None, updated=None, first=frame, **nothing)
         if frame_id in reading.again and frame.fold is not None:
             is_first, reading.is_first_again = reading.is_first_again, False

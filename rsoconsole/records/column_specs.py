@@ -77,7 +77,7 @@ dec_icrs_deg real astrometric declination
 x_px real the streak's midpoint, column
 y_px real the streak's midpoint, row
 confidence real of the detection, 0 to 1
-source text network or operator
+source text network, faint (below tau, taken with other frames) or operator
 is_clipped truth the frame cuts the streak
 is_crossing truth neither end is in the frame
 object_class text what its own frame makes of it

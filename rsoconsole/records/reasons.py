@@ -19,8 +19,7 @@ NotAStreakKind: TypeAlias = Literal[
     "fit broke",
     "same streak",
     "not measured",
-    "no light",
-    "below tau",
+    "unlike a streak",
     "trailed stars",
     "stars' trails",
     "row or column",
@@ -341,6 +340,7 @@ CauseKind: TypeAlias = Literal[
     "engine ended",
     "operator's word",
     "two frames agree",
+    "faint frames agree",
     "measured again",
     "re-acquired",
     "waiting",
@@ -361,6 +361,10 @@ class Cause:
     """Kind "clock set": size of the step, s."""
     detections: int | None = None
     """Kind "waiting": number of detections that wait for a second frame."""
+    frames: int | None = None
+    """Kind "faint frames agree": number of frames together, each too faint to be sure alone."""
+    probability: float | None = None
+    """Kind "faint frames agree": probability of one object in all, two decimals, .99 at most."""
     missed: Missed | None = None
 
 

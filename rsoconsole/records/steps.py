@@ -24,7 +24,8 @@ from rsoconsole.records.frames import (
 from rsoconsole.records.leaps import LeapDone, LowPass
 from rsoconsole.records.reasons import Cause, CommandResult, Missed, NotTaken, SlewRefusal
 
-Source = Literal["network", "operator"]
+Source = Literal["network", "faint", "operator"]
+"""Source of a measurement; "faint": a streak below tau that a track took with other frames."""
 LoopState = Literal["IDLE", "SEARCH", "ACQUIRE", "TRACK", "COAST", "LOST", "MANUAL", "FAULT"]
 FOLLOWING: frozenset[LoopState] = frozenset(("TRACK", "COAST"))
 Topic = Literal[

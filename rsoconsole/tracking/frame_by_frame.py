@@ -6,6 +6,7 @@ of the architecture page; IDLE, MANUAL and FAULT belong to the controller of the
 from outside.
 """
 
+import math
 from dataclasses import replace
 
 from rsoconsole.records import (
@@ -49,6 +50,9 @@ from rsoconsole.tracking.association.pattern import TrackPattern, TrackPlace
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.acquisition import REFUSED, acquire
 from rsoconsole.tracking.joint import TrackCandidates, assign_measurements
+
+_GATE_SIGMAS, _MAX_BY_CHANCE = 3.0, 0.05
+"""Gate in which a streak below tau may lie, and the largest number there by chance."""
 
 
 def follow(
@@ -114,6 +118,7 @@ def _follow_tracks(
     is_joint = settings.filter.uses_filter_bank and settings.choice == "nearest"
     if is_joint:
         before = further_tracks.with_fewer_filters(before)
+    alone, seen = seen, _with_faint(before, seen, settings)
     if seen.chosen is not None and is_joint and len(before.tracks) > 1:
         before, seen = _with_chosen_lead(before, seen, settings)
     if seen.chosen is None and is_joint:
@@ -147,7 +152,7 @@ def _follow_tracks(
     after = replace(_led(before, tuple(ended)), last_track_id=last_track_id)
     if is_joint and seen.chosen is None and settings.filter.most_tracks > 1 and after.tracks:
         after, records = further_tracks.with_new_tracks(
-            before, after, [*ended, *of_dropped], records, seen, settings
+            before, after, [*ended, *of_dropped], records, alone, settings
         )
     if len(after.tracks) + len(after.dropped) > 1:
         after = replace(after, pattern=_pattern(before, after, seen))
@@ -157,6 +162,29 @@ def _follow_tracks(
         )
         records = (*records, change)
     return after, (*records, *of_those_dropped)
+
+
+def _with_faint(before: Following, seen: FrameInput, settings: FollowSettings) -> FrameInput:
+    """Add streaks below tau that lie where a track is expected and nothing above tau does.
+
+    Only where chance hardly puts one of a frame's candidates into the gate.
+    """
+    if not seen.faint or settings.choice != "nearest":
+        return seen
+    near: list[Measurement] = []
+    field_arcsec2 = (7200.0 * settings.half_field_deg) ** 2
+    for each in before.tracks:
+        weighed = _weighed(each, seen, settings)
+        if weighed.in_gate:
+            continue
+        asked = replace(seen, measurements=seen.faint)
+        weighed = _weighed_by(weighed.predicted, each, asked, settings)
+        for m in weighed.in_gate:
+            sigmas = weighed.updated[m].state.sigma_innovation_arcsec or (math.inf, math.inf)
+            gate_arcsec2 = math.pi * _GATE_SIGMAS**2 * sigmas[0] * sigmas[1]
+            if len(seen.faint) * gate_arcsec2 < _MAX_BY_CHANCE * field_arcsec2:
+                near.append(m)
+    return replace(seen, measurements=(*seen.measurements, *dict.fromkeys(near)))
 
 
 def _with_chosen_lead(

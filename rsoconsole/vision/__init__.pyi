@@ -8,7 +8,6 @@ from .detector.confidence import camera_cautions as camera_cautions
 from .detector.confidence import confidence_features as confidence_features
 from .detector.confidence import is_usable_scale as is_usable_scale
 from .detector.detector import FrameAnalysis as FrameAnalysis
-from .detector.detector import Proposer as Proposer
 from .detector.detector import StreakDetector as StreakDetector
 from .detector.earlier_light import EarlierLight as EarlierLight
 from .detector.earlier_light import Mapping2d as Mapping2d
@@ -16,11 +15,9 @@ from .detector.earlier_light import StreakProfile as StreakProfile
 from .detector.earlier_light import compare_with_earlier_frame as compare_with_earlier_frame
 from .detector.measured_detection import Candidate as Candidate
 from .detector.measured_detection import LineLight as LineLight
-from .detector.measured_detection import PointImage as PointImage
 from .detector.measured_detection import is_same_streak as is_same_streak
 from .detector.measured_detection import with_fit as with_fit
 from .detector.measured_detection import with_trace as with_trace
-from .detector.network import ANOTHER_NETWORK as ANOTHER_NETWORK
 from .detector.network import LENGTH_UNIT_CELLS as LENGTH_UNIT_CELLS
 from .detector.network import MODEL_NAME as MODEL_NAME
 from .detector.network import STRIDE_CELLS as STRIDE_CELLS
@@ -28,6 +25,12 @@ from .detector.network import Network as Network
 from .detector.network import NetworkBox as NetworkBox
 from .detector.network import decode_candidates as decode_candidates
 from .detector.network import keep_distinct as keep_distinct
+from .detector.network_file import ANOTHER_NETWORK as ANOTHER_NETWORK
+from .detector.proposal_search import FrameProposals as FrameProposals
+from .detector.proposal_search import ProposalSearch as ProposalSearch
+from .detector.proposal_search import Proposer as Proposer
+from .detector.verifier import LINES_AT_ONCE as LINES_AT_ONCE
+from .detector.verifier import VERIFIER_NAME as VERIFIER_NAME
 from .detector.working_frame import WIDE_PX as WIDE_PX
 from .detector.working_frame import WorkingFrame as WorkingFrame
 from .detector.working_frame import detection_in_original_pixels as detection_in_original_pixels
@@ -51,6 +54,8 @@ from .frame.pattern import find_row_column_pattern as find_row_column_pattern
 from .frame.workers import Workers as Workers
 from .frame.workers import available_cores as available_cores
 from .frame.workers import threads_for as threads_for
+from .lines.line_images import LINE_FIGURES as LINE_FIGURES
+from .lines.line_images import LINE_IMAGE_SHAPE as LINE_IMAGE_SHAPE
 from .lines.segments import Box as Box
 from .lines.segments import Ends as Ends
 from .stars.plate_fit import PlateFit as PlateFit
@@ -60,6 +65,7 @@ from .stars.plate_fit import solution_from as solution_from
 from .stars.plate_move import MIN_SHIFT_STARS as MIN_SHIFT_STARS
 from .stars.plate_move import refit_moved_plate as refit_moved_plate
 from .stars.plate_move import shift_plate as shift_plate
+from .stars.point_image import PointImage as PointImage
 from .stars.psf_field import PsfField as PsfField
 from .stars.psf_memory import PsfMemory as PsfMemory
 from .stars.star_list import StarList as StarList

@@ -21,14 +21,13 @@ from rsoconsole.records import (
     StopOutcome,
     TrackLost,
 )
-from rsoconsole.words.angles import error_figure
+from rsoconsole.words.angles import error_figure, short_figure
 
 _NOT_A_STREAK: dict[NotAStreakKind, str] = {
     "fit broke": "the line fit broke on it: see the log",
     "same streak": "same streak as a more confident candidate",
     "not measured": "not measured: {limit:.0f} more confident candidates in the frame",
-    "no light": "no unbroken light along a line there",
-    "below tau": "below tau {limit:.2f} however well a line fits",
+    "unlike a streak": "unlike a streak, by the verifier",
     "stars' trails": ("{value:.0f} px along the stars' own trails, of {limit:.0f} px each"),
     "row or column": "along a row or column of the sensor, whose rows or columns differ",
     "trailed stars": (
@@ -382,6 +381,9 @@ def _cause(reason: Cause) -> str:  # noqa: PLR0911, PLR0912 -- one case a kind
             return "the engine ends"
         case "two frames agree":
             return "two frames agree on one motion"
+        case "faint frames agree":
+            probability = short_figure(reason.probability or 0.0)
+            return f"faint: {reason.frames} frames together {probability}"
         case "measured again":
             return "measured again"
         case "re-acquired":

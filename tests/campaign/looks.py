@@ -10,22 +10,21 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rsoconsole.vision import MODEL_NAME
 from tests.bench.peers.roster import PEERS
 from tests.campaign.pairs import Key, Look
 
 _ROOT = Path(__file__).parents[2]
-_DRAWING = ("models/altered.py", "models/frames.py", "rsoconsole/simulator/*.py")
-_CARD = str(Path("models", MODEL_NAME).with_suffix(".json"))
-_LOOKING = ("rsoconsole/vision/*.py", f"models/{MODEL_NAME}", _CARD)
+_DRAWING = (
+    *(f"models/{name}.py" for name in ("altered", "fields", "frames", "telescopes")),
+    *(f"rsoconsole/simulator/{room}/*.py" for room in ("camera", "scene", "sky")),
+)
+_JUDGING = ("tests/bench/peers/joining.py", "tests/bench/peers/scoring.py")
 
 
 def digest(peer: str) -> str:
     """Of what this peer's rows depend on."""
     roster = PEERS[peer]
-    patterns = [*_DRAWING, "tests/bench/peers/scoring.py", f"tests/bench/peers/{roster.module}.py"]
-    if roster.looks_with_ours:
-        patterns += _LOOKING
+    patterns = (*_DRAWING, *_JUDGING, f"tests/bench/peers/{roster.module}.py", *roster.ours)
     made = hashlib.sha256(json.dumps(dict(roster.settings()), sort_keys=True).encode())
     for path in sorted({path for pattern in patterns for path in _ROOT.glob(pattern)}):
         made.update(path.read_bytes())

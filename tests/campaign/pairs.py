@@ -25,7 +25,8 @@ class Look:
     false: tuple[float, ...]
     """Scores of candidates where nothing is, the highest first; the lowest of many left out."""
     false_count: int
-    wall_s: float | None
+    cpu_s: float | None
+    """Of the processor: other work on the machine lengthens the wall's, hardly this."""
     error: str
     """Why there is no answer; empty where there is one."""
 

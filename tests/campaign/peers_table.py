@@ -79,7 +79,7 @@ _COSTS: Mapping[str, Callable[[Sequence[Look]], str]] = {
     "false candidates a frame, in all": lambda looks: (
         f"{sum(x.false_count for x in looks) / len(looks):.2f}"
     ),
-    "seconds a frame, median": lambda looks: _median([x.wall_s for x in looks]),
+    "processor's seconds a frame, median": lambda looks: _median([x.cpu_s for x in looks]),
     "frames (without an answer)": lambda looks: (
         f"{len(looks)} ({sum(bool(x.error) for x in looks)})"
     ),

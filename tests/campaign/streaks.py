@@ -53,7 +53,7 @@ def row_of(name: str, number: int) -> dict[str, Any]:
         else None,
         "lost": "" if best else (_kind(refused[0]) if refused else "not proposed"),
         "false": len(strangers),
-        "false_confidence": round(max((d.confidence for d in strangers), default=0.0), 4),
+        "false_confidences": [round(d.confidence, 4) for d in strangers],
         "ms": round(sum(found.stage_ms.values()), 1),
     }
 

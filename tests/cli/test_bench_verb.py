@@ -55,9 +55,11 @@ def test_the_drawn_frame_is_the_configured_cameras(tmp_path: Path) -> None:
 
 def test_every_stage_is_measured_once_at_least_however_slow_the_machine(measured) -> None:
     result, told, root = measured
-    assert [each.stage for each in result.stages] == list(STAGES)
+    # The frame has a streak: nothing fainter is looked for.
+    seen = [each for each in STAGES if each != "faint"]
+    assert [each.stage for each in result.stages] == seen
     assert all(0.0 <= s.least_ms <= s.median_ms <= s.largest_ms for s in result.stages)
-    assert [each.repeats for each in result.stages] == [1] * len(STAGES)
+    assert [each.repeats for each in result.stages] == [1] * len(seen)
     assert result.notes == ()
     assert result.detections >= 1
     assert (result.width_px, result.height_px) == (WIDE, HIGH)

@@ -225,10 +225,10 @@ def test_the_kept_frame_shows_its_streak_between_its_marks(impatient_seat: None)
 def test_it_is_said_what_was_recorded_and_what_is_said_now(impatient_seat: None):
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
         panel = " ".join(words(sheet, "panel").split())
-        assert ".98 → .98 at 983,891" in panel
-        assert "60×1.8 px, SNR 30" in panel
-        assert "followed, NIS 0.5; now the same" in panel
-        assert "on the sky +0.00″ E +0.00″ N of then, ±0.90″" in panel
+        assert "1.00 → 1.00 at 983,891" in panel
+        assert "60×1.9 px, SNR 16" in panel
+        assert "followed, NIS 1.4; now the same" in panel
+        assert "on the sky +0.00″ E +0.00″ N of then, ±2.07″" in panel
 
     look(act)
 
@@ -239,9 +239,9 @@ def test_the_cross_reads_pixel_light_and_direction(impatient_seat: None):
     pixels = _read(path, KEPT).pixels
 
     async def act(app: ConsoleApp, sheet: FrameSheet, pilot: Pilot[str]) -> None:
-        # The streak's measured place is 20:57:13.74 -4:47:06.1.
+        # The streak's measured place is 20:57:13.72 -4:47:06.2.
         assert f"{pixels[891, 983]} ADU" in caption(sheet)
-        assert "α 20:57:13.7 δ -04:47:06" in caption(sheet)
+        assert "α 20:57:13.8 δ -04:47:06" in caption(sheet)
         await press(pilot, sheet, "d", "plus")
         while STEPS[sheet.sheet.step] > 1:
             await pilot.press("left_square_bracket")
@@ -332,10 +332,10 @@ def test_with_the_paper_map_the_streak_is_less_sure_and_it_says_so(impatient_sea
         await press(pilot, sheet, "M")
         panel = " ".join(words(sheet, "panel").split())
         assert "map fast → paper" in panel
-        now = re.search(r"\.98 → (\.\d\d) at 983,891", panel)
-        assert now is not None
+        now = re.search(r"1\.00 → (1?\.\d\d) at 983,891", panel)
+        assert now is not None, panel
         assert float(now[1]) < 0.985
-        assert "then followed, NIS 0.5 now detected" in panel
+        assert "then followed, NIS 1.4 now detected" in panel
         await press(pilot, sheet, "M")
         assert "now the same" in " ".join(words(sheet, "panel").split())
         assert "{" in drawn(sheet)
@@ -389,7 +389,7 @@ def test_a_frame_that_was_not_kept_says_why_and_shows_its_preview(impatient_seat
         alert = " ".join(words(sheet, "alert").split())
         assert "frame 8 was not kept: pruned on 2023-06-23" in alert
         assert "▀" in drawn(sheet)
-        assert ".98  at 1160,886" in words(sheet, "panel")
+        assert "1.00  at 1161,886" in words(sheet, "panel")
         await press(pilot, sheet, "M", "full_stop", "P", "V", "plus", "up", "d")
         assert "→" not in words(sheet, "panel")
         whole = drawn(sheet)
@@ -749,7 +749,7 @@ def test_in_the_smallest_terminal_the_streak_is_found_and_the_list_opens(impatie
         assert "]" in drawn(sheet)
         await pilot.press("L")
         await pilot.pause()
-        assert ".98 → .98" in words(sheet, "panel")
+        assert "1.00 → 1.00" in words(sheet, "panel")
         assert not sheet.picture.display
         await pilot.press("escape")
         await pilot.pause()

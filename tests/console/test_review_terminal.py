@@ -47,7 +47,7 @@ def test_the_sample_night_is_played_searched_compared_and_left(home: dict[str, s
         shown_after(seat, "]]]", "×300")
         shown_after(seat, " ", "space Pause", "frame 0036 · 10 s", "space Play")
         shown_after(seat, "\x1b[H", "frame 0001")  # home
-        shown_after(seat, "E", "events: ○ miss (8 in the night)")
+        shown_after(seat, "E", "events: ○ miss (7 in the night)")
         shown_after(seat, ">", "frame 0011 · 10 s", "COAST")
         shown_after(seat, "K", "A is kept")
         shown_after(seat, ".", "frame 0012 · 10 s")

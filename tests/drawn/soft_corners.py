@@ -10,6 +10,7 @@ from scipy.special import erf
 
 from rsoconsole.records import Frame
 from rsoconsole.vision import NetworkBox
+from rsoconsole.vision.detector.verifier import Verifier
 
 HEIGHT, WIDTH = 900, 1200
 SKY_ADU, NOISE_ADU = 700.0, 20.0
@@ -65,6 +66,8 @@ def about(streak: Ends, confidence: float = 0.5) -> NetworkBox:
 
 class Proposes:
     """Answers every map with the same proposals."""
+
+    verifier = Verifier.load()
 
     def __init__(self, *boxes: NetworkBox) -> None:
         self.boxes = boxes

@@ -9,8 +9,8 @@ from rsoconsole.records import FloatArray, Frame
 from tests.drawn.drawn_lines import line_of_light
 
 SHAPE = HEIGHT, WIDTH = 720, 960
-OFFSET_ADU, READ_ADU, SKY_E, RIDGE_E = 500.0, 5.0, 6000.0, 216.0
-"""A streak whose ridge is 2.8 of the sky's own noise, and a third of what the pixels' response
+OFFSET_ADU, READ_ADU, SKY_E, RIDGE_E = 500.0, 5.0, 6000.0, 108.0
+"""A streak whose ridge is 1.4 of the sky's own noise, and a sixth of what the pixels' response
 differs by."""
 STREAK = 300.0, 300.0, 400.0, 345.0
 FRAMES_A_MASTER = 16

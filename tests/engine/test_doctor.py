@@ -122,7 +122,7 @@ def test_every_check_reports_and_what_is_not_well_has_a_remedy(
     ("optics", "exposure_s", "ok", "says"),
     [
         ({}, 10.0, True, "1.26 arcsec/px"),
-        ({"focal_length_mm": 25.0}, 10.0, None, "calibrated for 1 to 10"),
+        ({"focal_length_mm": 25.0}, 10.0, None, "calibrated for 0.3 to 10"),
         ({"focal_length_mm": 20000.0}, 10.0, False, "outside the 0.3 to 250"),
         ({}, 120.0, None, "made for 0.05 to 60 s"),
         ({}, 0.05, True, "0.05 s"),

@@ -136,7 +136,7 @@ def test_the_nights_own_measurements_give_the_nights_track_again(night):
     directions = tracks[1].measurements["direction"]
     last = SkyCoord(recorded[-1].ra_icrs_deg, recorded[-1].dec_icrs_deg, unit="deg")
     assert directions.separation(last).arcsec.min() < 1e-6
-    assert tracks[1].residual_rms < 3 * u.arcsec
+    assert tracks[1].residual_rms < 4 * u.arcsec
     assert 0.2 < tracks[1].nis_mean < 4.0
     assert tracks[1].orbit is not None
     assert tracks[1].orbit.label == "constrained by prior"

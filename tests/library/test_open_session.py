@@ -358,7 +358,7 @@ def test_a_picture_comes_with_its_marks_in_pixels_of_the_frame(night):
     assert (
         left < min(streak.x_a_px, streak.x_b_px) < max(streak.x_a_px, streak.x_b_px) < left + width
     )
-    assert "followed with confidence 0.98" in picture.words
+    assert "followed with confidence 1.00" in picture.words
     assert night.picture().frame_id == 36
 
 
@@ -378,7 +378,7 @@ def test_a_streak_is_drawn_where_its_light_is(night):
     inside, outside = light[np.abs(along) < half - 5], light[np.abs(along) > half + 5]
     # 0.6 of the noise a pixel in the mean of seven rows; scatter of the means below 0.1.
     assert np.mean(inside) - np.mean(outside) > 0.4
-    assert "SNR 30" in upper.get_title(loc="left")
+    assert "SNR 16" in upper.get_title(loc="left")
     with pytest.raises(SessionError, match="nothing was detected in frame 1"):
         night.plot_streak(1)
 
@@ -463,8 +463,9 @@ def test_what_if_shows_old_and_new_side_by_side(night):
     assert isinstance(other, NightPlots)
 
 
-def test_a_tau_above_everything_follows_nothing_and_is_shown(night):
-    blind = night.what_if(tau=0.99999)
+def test_a_tau_above_everything_follows_nothing_alone_and_is_shown(night):
+    assert night.what_if(tau=0.99999).changed.followed > 0, "frames together are sure enough"
+    blind = night.what_if(tau=0.99999, preset="paper")
     assert blind.changed.followed == 0
     assert "never" in blind._repr_html_()
     figure = blind.plot_residuals()

@@ -180,8 +180,8 @@ def test_it_says_what_the_record_says(sample: Page):
     assert f"{figures.nis_mean:.2f} {'✓' if figures.is_nis_sound else '✗'} its band" in text
     assert "simulated: no telescope observed this" in text
     assert "ACQUIRE → TRACK: two frames agree on one motion" in text
-    assert "20:54:13.304" in text
-    assert "−04:47:02.79" in text
+    assert "20:54:13.285" in text
+    assert "−04:47:02.80" in text
     assert "−0.00" not in text
 
 

@@ -20,6 +20,7 @@ from rsoconsole.base import model_file_path
 from rsoconsole.config import DetectorConfig
 from rsoconsole.simulator import SensorModel
 from rsoconsole.vision import ConfidenceCurve, NetworkBox, StreakDetector
+from rsoconsole.vision.detector.verifier import Verifier
 from tests.makers import straight_detection
 
 SMALL = SensorModel(width_px=1000, height_px=800)
@@ -28,6 +29,8 @@ CURVE = ConfidenceCurve.from_card(json.loads(model_file_path("streak_ssd.json").
 
 class Oracle:
     """Proposes what it is told to."""
+
+    verifier = Verifier.load()
 
     def __init__(self, *boxes: NetworkBox) -> None:
         self._boxes = boxes
@@ -110,8 +113,9 @@ def test_a_row_tells_what_was_found_and_how_far_off_and_where_the_rest_was_lost(
     assert row["trails"][0]["lost"] == ""
     by_the_filter = Judge(Oracle()).row(bright)
     assert [each["trail"] for each in by_the_filter["candidates"]].count(0) == 1
-    monkeypatch.setattr("rsoconsole.vision.detector.detector.propose_lines", lambda *_: [])
-    monkeypatch.setattr("rsoconsole.vision.detector.detector.short_lines", lambda *_, **__: [])
+    search = "rsoconsole.vision.detector.proposal_search"
+    monkeypatch.setattr(f"{search}.propose_lines", lambda *_: [])
+    monkeypatch.setattr(f"{search}.short_lines", lambda *_, **__: [])
     blind = Judge(Oracle()).row(bright)
     assert blind["candidates"] == []
     assert blind["trails"][0]["lost"] == NOT_PROPOSED
@@ -168,7 +172,8 @@ def test_other_code_or_another_network_means_other_rows(tmp_path, monkeypatch):
     ):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text("one = 1\n")
-    (root / "models/streak_ssd.tflite").write_bytes(b"net")
+    for name in ("streak_ssd", "line_verifier"):
+        (root / f"models/{name}.tflite").write_bytes(b"net")
     (root / "models/streak_ssd.json").write_text('{"calibration": {"slope": 1.0}}')
     monkeypatch.setattr(kept, "HERE", root / "models")
 
@@ -182,4 +187,5 @@ def test_other_code_or_another_network_means_other_rows(tmp_path, monkeypatch):
     third = after("models/frames.py", "two = 2\n")
     fourth = after("models/streak_ssd.tflite", "another net")
     fifth = after("models/streak_ssd.json", '{"calibration": {"slope": 2.0}}')
-    assert len({first, second, third, fourth, fifth}) == 5
+    sixth = after("models/line_verifier.tflite", "another net")
+    assert len({first, second, third, fourth, fifth, sixth}) == 6

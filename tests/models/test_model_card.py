@@ -10,7 +10,7 @@ from models.figures import BELOW_TAU, average_precision, figures, outcome_of
 from rsoconsole.vision import FEATURES, ConfidenceCurve, PointImage
 from tests.makers import straight_detection
 
-CURVE = ConfidenceCurve(tuple(4.0 if name.endswith("network") else 0.0 for name in FEATURES))
+CURVE = ConfidenceCurve(tuple(1.0 if name.endswith("network") else 0.0 for name in FEATURES))
 """Says what the network said."""
 TAU = 0.10
 
@@ -28,7 +28,7 @@ def trail(peak_snr: float = 6.0, length_px: float = 118.0, lost: str = "") -> di
 
 def candidate(confidence: float, on: int | None, error_px: float | None = None) -> dict:
     measured = asdict(straight_detection(confidence=confidence))
-    light = {"lower_quartile_snr": measured["snr"], "roughness": 0.0}
+    light = {"roughness": 0.0}
     return {
         "measured": measured,
         "light": light,

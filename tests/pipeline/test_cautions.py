@@ -40,7 +40,7 @@ def frame(**changes: Any) -> Frame:
         ({}, []),
         ({"scale_arcsec_px": 1.0}, []),
         ({"scale_arcsec_px": 10.0}, []),
-        ({"scale_arcsec_px": 0.78}, ["scale"]),
+        ({"scale_arcsec_px": 0.25}, ["scale"]),
         ({"scale_arcsec_px": 249.6}, ["scale"]),
         ({"scale_arcsec_px": None, "exposure_s": None}, []),
         ({"exposure_s": 0.05}, []),
@@ -56,7 +56,7 @@ def test_what_leaves_the_calibrated_range_is_named(changes, about):
 
 
 def test_beyond_what_can_be_used_the_words_are_plainer():
-    usable = camera_cautions(0.3, None, 640, 480)["scale"]
+    usable = camera_cautions(12.0, None, 640, 480)["scale"]
     beyond = camera_cautions(0.25, None, 640, 480)["scale"]
     assert "calibrated" in usable
     assert "do not rely on detections" in beyond

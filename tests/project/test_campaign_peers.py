@@ -1,5 +1,7 @@
 """The comparison with peers counts pairs at equal false positives, and goes on where it stopped."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ TRUTH = Truth(x_a_px=100.0, y_a_px=100.0, x_b_px=200.0, y_b_px=100.0, snr=50.0, 
 
 def look(score, *false, error=""):
     return Look(
-        score=score, off_px=None, false=false, false_count=len(false), wall_s=1.0, error=error
+        score=score, off_px=None, false=false, false_count=len(false), cpu_s=1.0, error=error
     )
 
 
@@ -66,7 +68,7 @@ def test_significance_is_the_binomials_of_the_pairs_that_differ(ours, theirs, p_
 
 
 def test_a_trail_beside_the_satellite_counts_neither_way():
-    said = {"candidates": [[0, 300, 900, 300, 7.0], [0, 600, 60, 600, 6.0]], "wall_s": 1.0}
+    said = {"candidates": [[0, 300, 900, 300, 7.0], [0, 600, 60, 600, 6.0]], "cpu_s": 1.0}
     crossing = straight_streak((-500.0, 300.0), (1500.0, 300.0), 1.0)
     assert peers.look_of(said, TRUTH, []).false == (7.0, 6.0)
     assert peers.look_of(said, TRUTH, [crossing]).false == (6.0,)
@@ -118,6 +120,32 @@ def test_a_peer_that_is_not_installed_is_told_with_its_remedy(monkeypatch, capsy
     assert "ASTRiDE takes no part: no package nowhere_at_all here: pip install it" in (
         capsys.readouterr().out
     )
+
+
+def test_a_peer_with_a_python_of_its_own_is_told_where_to_name_it(monkeypatch, capsys):
+    monkeypatch.delenv("SENPAI_PYTHON", raising=False)
+    assert present(["rsoconsole", "SENPAI"]) == ["rsoconsole"]
+    assert "SENPAI takes no part: no Python in SENPAI_PYTHON: pip" in capsys.readouterr().out
+    monkeypatch.setenv("SENPAI_PYTHON", sys.executable)
+    assert present(["SENPAI"]) == ["SENPAI"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "void"),
+    [
+        ("models/line_verifier.tflite", {"rsoconsole"}),
+        ("rsoconsole/vision/lines/segments.py", {"rsoconsole"}),
+        ("rsoconsole/vision/frame/bins.py", {"rsoconsole", "OpenCV LSD"}),
+        ("models/altered.py", {"rsoconsole", "OpenCV LSD", "ASTRiDE"}),
+    ],
+)
+def test_another_detector_of_ours_leaves_the_peers_rows(monkeypatch, tmp_path, changed, void):
+    monkeypatch.setattr(looks, "_ROOT", tmp_path)
+    names = ["rsoconsole", "OpenCV LSD", "ASTRiDE"]
+    before = [looks.digest(name) for name in names]
+    (tmp_path / changed).parent.mkdir(parents=True)
+    (tmp_path / changed).write_text("of another commit")
+    assert {n for n, made in zip(names, before, strict=True) if looks.digest(n) != made} == void
 
 
 def test_linked_contours_are_one_streak():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from models.altered import FAMILIES, LONG_PX, SNR, draw, draw_altered
-from tests.campaign import rows_kept, streaks
+from models.telescopes import telescope
+from tests.campaign import bands, rows_kept, streaks
 from tests.makers import straight_detection
 
 
@@ -19,14 +20,14 @@ def test_a_frame_is_drawn_again_and_its_streak_is_where_the_truth_says(name):
     family = FAMILIES[name]
     if name != "faint":
         assert family.low <= truth.severity <= family.high
-        assert family.snr == SNR
+        assert family.snr == SNR or name in {"telescope", "limit"}
     assert truth.snr == pytest.approx(np.clip(truth.snr, *family.snr), rel=0.05)
     # Light along the line, against light as far beside it: by the median, which no star lifts.
     along = np.linspace(0.05, 0.95, 400)
     x = truth.x_a_px + along * (truth.x_b_px - truth.x_a_px)
     y = truth.y_a_px + along * (truth.y_b_px - truth.y_a_px)
     angle = math.atan2(truth.y_b_px - truth.y_a_px, truth.x_b_px - truth.x_a_px)
-    if name == "faint":
+    if name in {"faint", "limit"}:
         # At a signal to noise of 10 a line's light is not that of its neighbourhood's median.
         return
     away = {
@@ -42,6 +43,37 @@ def _light(pixels: np.ndarray, x: np.ndarray, y: np.ndarray) -> float:
     near = [pixels[np.clip(rows + dy, 0, pixels.shape[0] - 1), columns] for dy in (-1, 0, 1)]
     cut = np.percentile(near, 90.0)
     return float(np.mean(np.minimum(near, cut)))
+
+
+def test_telescopes_differ_and_confidence_is_judged_by_thirds_of_them():
+    many = [telescope(number) for number in range(300)]
+    for low, high, values in (
+        (0.3, 10.0, [each.sensor.scale_arcsec_px for each in many]),
+        (0.05, 60.0, [each.exposure_s for each in many]),
+        (1.2, 8.0, [each.fwhm_px for each in many]),
+        (0.3, 61.0, [each.sensor.width_px * each.sensor.height_px / 1e6 for each in many]),
+    ):
+        assert low * 0.99 <= min(values) < 1.5 * low
+        assert high / 1.5 < max(values) <= high
+    rows = [
+        {"severity": number, "confidence": 0.9, "false_confidences": [0.2] * (number % 10 == 0)}
+        for number in range(300)
+    ]
+    for line in bands.thirds(rows):
+        assert line.said == pytest.approx((0.9 + 0.02) / 1.1, abs=0.02)
+        assert line.share == pytest.approx(1.0 / 1.1, abs=0.03)
+    assert len(bands.thirds(rows)) == 6
+
+
+def test_what_is_near_the_limit_is_told_by_signal_to_noise_and_length():
+    rows = [
+        {"snr": snr, "length_px": length_px, "confidence": 0.9 if snr > 10.0 else 0.01}
+        for snr in (9.5, 11.0, 13.0, 24.0)
+        for length_px in (40.0, 100.0)
+    ]
+    cells = [line.split("|")[1:-1] for line in bands.at_the_limit(rows).splitlines()[2:]]
+    assert [cell.strip()[:6] for cell in cells[0]] == ["9 to 1", "1 of 2", "1 of 2"]
+    assert [cells[line][1].strip()[:6] for line in (1, 2, 3)] == ["1 of 1", "0 of 1", "1 of 1"]
 
 
 def test_the_severity_is_in_the_pixels():

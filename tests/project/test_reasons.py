@@ -54,7 +54,7 @@ OUTCOMES = (
     CommandResult(kind="measured", stop_outcome="moves", stop_ms=3000.0, rate_deg_s=4.0),
 )
 """What the recorded nights have not."""
-OF_FOLD = {"waiting", "two frames agree", "measured again", "missed"}
+OF_FOLD = {"waiting", "two frames agree", "faint frames agree", "measured again", "missed"}
 """Causes that the fold itself finds: a replay finds them again, detail and all."""
 
 

@@ -37,7 +37,7 @@ from tests.nights.samples import SAMPLE
 
 MAX_BYTES = 8_000_000
 FRAMES = 36
-TAU_AT = {9: 0.1, 13: 0.75}
+TAU_AT = {9: 0.1, 13: 0.95}
 """The frames that kept their pixels, and the tau that was in force."""
 SAME_PX, SAME_CONFIDENCE = 0.01, 1e-3
 EVERY_SAMPLE = ("shipped", "busy", "ruled")
@@ -121,15 +121,15 @@ def test_clouds_hide_some_frames_and_the_operator_does_a_little_of_everything(
     hidden = [r.frame_id for r in records if isinstance(r, Miss) and r.reason.hidden_by]
     assert hidden == [23, 24, 25]
     done = {r.verb for r in records if isinstance(r, OperatorAction)}
-    assert done == {"note", "set", "accept", "reject", "mark", "goto", "nudge", "resume"}
+    assert done == {"note", "set", "reject", "mark", "goto", "nudge", "resume"}
     changed = {r.name for r in records if isinstance(r, ParameterChange)}
     assert changed == {"detector.tau", "filter.q_multiplier", "filter.r_multiplier"}
     assert "MANUAL" in {r.after for r in records if isinstance(r, StateChange)}
     decisions = [r for r in records if isinstance(r, Ruling)]
-    assert [r.frame_id for r in decisions] == [13, 20, 35]
-    assert [bool(r.refused) for r in decisions] == [False, True, False]
+    assert [r.frame_id for r in decisions] == [20, 35]
+    assert [bool(r.refused) for r in decisions] == [True, False]
     again = [r.frame_id for r in records if isinstance(r, FollowedAgain)]
-    assert again == [13, 14, 20, 35]
+    assert again == [20, 35]
 
 
 def test_a_replay_equals_the_record(reader: SessionReader, records: list[Any]) -> None:

@@ -41,7 +41,7 @@ def test_a_satellite_flashes_with_its_period_duty_and_depth(monkeypatch):
 
 
 def test_a_satellite_fades_by_so_many_magnitudes_an_hour(monkeypatch):
-    world = {"satellite": {"fade_mag_h": 3.0}}
+    world = {"satellite": {"fade_mag_h": 3.0, "fainter_mag": 0.5}}
 
     def light(world, second):
         strip = expose(
@@ -50,7 +50,7 @@ def test_a_satellite_fades_by_so_many_magnitudes_an_hour(monkeypatch):
         return streak_along(strip).sum()
 
     lost = [2.5 * np.log10(light({}, s) / light(world, s)) for s in (0.0, 1200.0)]
-    assert lost == pytest.approx([0.0, 1.0], abs=0.07)
+    assert lost == pytest.approx([0.5, 1.5], abs=0.07)
 
 
 def test_cloud_banks_come_at_their_rate_stay_and_take_their_light(monkeypatch):

@@ -13,13 +13,21 @@ from rsoconsole.vision.stars.stars import STAR_BLOCK_PX
 from tests.drawn.drawn_lines import exposed, integrated_snr, line_of_light, random_ends, stars
 
 SHAPE = (600, 800)
+CHANCE_SNR = 7.5
+"""The best of some billions of lines in mere noise stays below (one frame in a thousand)."""
+
+
+def looked_at(pixels, side: int):
+    """Squares, sky and stars of a frame."""
+    bins = bin_frame(pixels, {STAR_BLOCK_PX}, square_px=side)
+    sky = local_background(pixels, bins=bins)
+    return bins.squares, sky, find_stars(pixels, sky, bins=bins)
 
 
 def proposed(pixels) -> list[CellLine]:
     side = cell_side_px(*pixels.shape)
-    bins = bin_frame(pixels, {STAR_BLOCK_PX}, square_px=side)
-    sky = local_background(pixels, bins=bins)
-    return propose_lines(sky, bins.squares, side, find_stars(pixels, sky, bins=bins))
+    squares, sky, seen = looked_at(pixels, side)
+    return propose_lines(sky, squares, side, seen)
 
 
 def is_of(line: CellLine, ends: tuple[float, float, float, float]) -> bool:
@@ -48,17 +56,30 @@ def test_lines_of_any_length_and_direction_are_proposed_among_stars(seed):
     assert any(is_of(line, ends) for line in proposed(frame))
 
 
-def test_a_sky_of_stars_alone_proposes_next_to_nothing():
-    counts = []
+def test_stars_and_noise_propose_little_and_nothing_that_stands_out():
+    """A judge has to look at all that is proposed, and takes chance for light from here on."""
     for seed in range(8):
         rng = np.random.default_rng(100 + seed)
-        counts.append(len(proposed(exposed(stars(SHAPE, 200, 1.2, rng), rng))))
-    assert sum(counts) <= 8
+        number = 200 if seed % 2 else 0
+        lines = proposed(exposed(stars(SHAPE, number, 1.2, rng), rng))
+        assert len(lines) <= 20
+        assert max((line.snr for line in lines), default=0.0) < CHANCE_SNR
 
 
-def test_noise_alone_proposes_nothing():
-    rng = np.random.default_rng(3)
-    assert sum(len(proposed(exposed(np.zeros(SHAPE), rng))) for _ in range(6)) == 0
+@pytest.mark.parametrize("length", [40.0, 80.0, 160.0, 320.0])
+def test_nearly_all_light_of_a_faint_line_counts(length):
+    """Signal to noise of the line itself, matched to its profile, against what is found of it."""
+    shares = []
+    for seed in range(12):
+        rng = np.random.default_rng([seed, int(length)])
+        ends = random_ends(rng, SHAPE, length)
+        light = line_of_light(SHAPE, ends, 1.0)
+        light *= 14.0 * 30.0 / integrated_snr(light, 1.0)
+        squares, sky, seen = looked_at(exposed(light, rng), 2)
+        lines = [line for line in propose_lines(sky, squares, 2, seen) if is_of(line, ends)]
+        shares.append(max((line.snr for line in lines), default=0.0) / 14.0)
+    assert np.median(shares) > 0.8
+    assert sum(share > 0.0 for share in shares) >= 11
 
 
 def test_a_bright_trail_right_through_blinds_nothing_beside_it():
@@ -70,7 +91,7 @@ def test_a_bright_trail_right_through_blinds_nothing_beside_it():
     assert any(is_of(line, (150.0, 420.0, 320.0, 470.0)) for line in lines)
     longest = max(lines, key=lambda line: math.hypot(line.x_b - line.x_a, line.y_b - line.y_a))
     assert math.hypot(longest.x_b - longest.x_a, longest.y_b - longest.y_a) > 700.0
-    assert len(lines) <= 4
+    assert sum(line.snr > CHANCE_SNR for line in lines) == 2
 
 
 def test_bad_columns_take_no_streak_its_turn():
@@ -105,7 +126,8 @@ def test_every_direction_is_summed_alike():
 @pytest.mark.parametrize(("height", "width"), [(64, 64), (480, 640), (65, 900)])
 def test_small_and_slim_frames_are_no_trouble(height, width):
     rng = np.random.default_rng(1)
-    assert proposed(exposed(np.zeros((height, width)), rng)) == []
+    lines = proposed(exposed(np.zeros((height, width)), rng))
+    assert all(line.snr < CHANCE_SNR for line in lines)
 
 
 def test_the_cells_are_as_fine_as_their_number_allows():

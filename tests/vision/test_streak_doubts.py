@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsoconsole.vision import local_background
-from rsoconsole.vision.streaks.streak_glance import continues_beyond_end, is_broken_line
+from rsoconsole.vision.streaks.broken_line import continues_beyond_end, is_broken_line
 from tests.drawn.drawn_light import SIGMA_PX, sky_with, streak
 
 

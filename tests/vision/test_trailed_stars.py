@@ -116,7 +116,7 @@ def test_stars_that_are_points_are_told_to_be(pattern, step):
 def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, roughness, is_kept):
     trail = StarTrail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
     found = straight_detection(angle_deg=angle_deg, length_px=length_px, confidence=confidence)
-    light = LineLight(lower_quartile_snr=20.0, roughness=roughness)
+    light = LineLight(roughness=roughness)
     candidate = Candidate(found=found, light=light)
     kept, chains = reject_star_trails([candidate], trail)
     assert (kept == [candidate], len(chains)) == (is_kept, 0 if is_kept else 1)
@@ -124,9 +124,9 @@ def test_some_trails_in_a_row_are_no_streak(angle_deg, length_px, confidence, ro
         assert "along the stars' own trails, of 20 px" in text(chains[0].reason)
 
 
-def test_what_images_of_the_stars_know_for_a_line_stays_along_their_trails():
+def test_what_the_verifier_is_sure_of_stays_along_the_stars_trails():
     trail = StarTrail(length_px=20.0, angle_deg=60.0, fwhm_px=3.0)
     found = straight_detection(angle_deg=62.0, length_px=30.0, confidence=0.5)
-    light = LineLight(lower_quartile_snr=20.0, roughness=0.3, over_stars=300.0, left=1.0)
+    light = LineLight(roughness=0.3, log_odds=6.0)
     kept, chains = reject_star_trails([Candidate(found=found, light=light)], trail)
     assert (len(kept), chains) == (1, [])

@@ -284,7 +284,9 @@ def _cycle_line(engine: "Engine", reduction: "Reduction") -> str:
         place = direction(taken.ra_icrs_deg, taken.dec_icrs_deg, "bare")
         line = f"{start} {place} {taken.confidence:9.2f}"
         if track.innovation_arcsec is None or track.sigma_innovation_arcsec is None:
-            return f"{line}   two frames agree: locked"
+            together = len(track.begun_through) + 2
+            agree = "two frames agree" if together == 2 else f"{together} frames agree"
+            return f"{line}   {agree}: locked"
         east, north = track.innovation_arcsec
         bounds = [3.0 * sigma for sigma in track.sigma_innovation_arcsec]
         return f"{line}   {east:+5.1f} ± {bounds[0]:.1f}  {north:+5.1f} ± {bounds[1]:.1f}"

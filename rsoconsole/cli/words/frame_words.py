@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from rsoconsole.words import count_words, direction, pulse_words, streak_name_words
+from rsoconsole.records import Cause
+from rsoconsole.words import count_words, direction, pulse_words, streak_name_words, text
 
 
 def image_name(found: dict[str, Any]) -> str:
@@ -29,6 +30,8 @@ def process_words(found: dict[str, Any]) -> str:
         words.append(f"confidence {measurement['confidence']:.2f}")
     if found["nis"] is not None:
         words.append(f"NIS {found['nis']:.1f}")
+    if found["faint"] is not None:
+        words.append(text(Cause(kind="faint frames agree", **found["faint"])))
     return "  ".join(words)
 
 

@@ -26,6 +26,7 @@ STAGES = {
     "network": "network",
     "stars": "stars",
     "fit": "fit",
+    "faint": "faint",
     "class": "class",
     "solve": "plate",
 }

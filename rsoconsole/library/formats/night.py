@@ -187,8 +187,11 @@ def _rows_of(
 
 
 def _measured(frame: NightFrame, fold: NightFrame) -> list[Measurement]:
-    """Measurements offered to the tracker: those detected, as the operator's decision left them."""
-    seen = [each for each in frame.measurements if each.source == "network"]
+    """Measurements offered to the tracker: those detected, as the operator's decision left them.
+
+    Of those below tau the ones that a track took.
+    """
+    seen = [each for each in frame.measurements if each.source != "operator"]
     if fold.first is None:
         return seen
     decision = fold.first.decision

@@ -296,6 +296,7 @@ def _identity(night: BatchNight) -> dict[str, Any]:
         "frames_sha256": _digest(frames),
         "config_sha256": _digest(night.config.model_dump(mode="json")),
         "model_sha256": str(network.card["sha256"]),
+        "verifier_sha256": "" if network.verifier is None else network.verifier.card["sha256"],
         "version": __version__,
     }
 

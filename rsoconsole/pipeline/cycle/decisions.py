@@ -321,7 +321,8 @@ def _begun(following: Following) -> _Made:
 
 def _folded(before: Following, marked: ReducedFrame) -> tuple[Following, tuple[Record, ...]]:
     """Fold a frame with the operator's mark alone; changes of state are left out of the records."""
-    observed = replace(marked.observations, measurements=())
+    found = replace(marked.observations.detections, rejected=())
+    observed = replace(marked.observations, measurements=(), detections=found)
     folded = fold_frame(before, StarHistory(), observed, marked.config)
     kept = tuple(each for each in folded.records if not isinstance(each, StateChange))
     return folded.following, kept

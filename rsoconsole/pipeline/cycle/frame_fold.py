@@ -2,7 +2,7 @@
 
 import functools
 import statistics
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rsoconsole.base import FrameError
@@ -17,12 +17,14 @@ from rsoconsole.pipeline.cycle.miss_reasons import (
 from rsoconsole.pipeline.frame.measurement import (
     calibrated_timing,
     frame_timing,
+    measure_faint,
     mid_exposure_utc_ns,
     with_row_time,
 )
 from rsoconsole.pipeline.frame.reduce import miss_from_frame_records
 from rsoconsole.records import (
     Detections,
+    FoldRecord,
     Frame,
     FrameTaken,
     Measurement,
@@ -133,6 +135,7 @@ def fold_frame(
         t_mid_utc_ns=t_mid_ns,
         exposure_s=exposure_s,
         measurements=measurements,
+        faint=_faint_of(before, observed, config),
         absence=absence,
         field=_field_of(observed),
         star_width_arcsec=_width_arcsec(observed),
@@ -151,8 +154,35 @@ def fold_frame(
         stars_before=stars_before,
         following=after,
         stars=updated_star_history(stars_before, stars, observed.solution),
-        records=records,
+        records=(*_faint_taken((*before.faint, *seen.faint), records), *records),
     )
+
+
+def _faint_of(
+    before: Following, observed: FrameObservations, config: Config
+) -> tuple[Measurement, ...]:
+    """Measurements of candidates below tau, where they may initiate a track or be of one."""
+    is_enough = before.tracks and len(observed.measurements) >= len(before.tracks)
+    if is_enough or not isinstance(observed.solution, Solution):
+        return ()
+    decision = observed.decision or Ruling(frame_id=observed.taken.frame_id)
+    decided = (*decision.refused, *filter(None, (decision.taken,)))
+    known = {m.measurement_id for m in (*observed.measurements, *decided)}
+    found = measure_faint(observed.detections, observed.solution, observed.taken, config.exposure)
+    return tuple(m for m in found if m.measurement_id not in known)
+
+
+def _faint_taken(
+    faint: Sequence[Measurement], records: Sequence[FoldRecord]
+) -> tuple[Measurement, ...]:
+    """Those of the faint measurements that a track has taken: only they go on record."""
+    taken = {
+        name
+        for each in records
+        if isinstance(each, TrackState)
+        for name in (each.measurement_id, *(each.begun_with or ()), *each.begun_through)
+    }
+    return tuple(m for m in faint if m.measurement_id in taken)
 
 
 def _width_arcsec(observed: FrameObservations) -> float | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rsoconsole.config import CalibratedTiming, ExposureConfig
 from rsoconsole.records import (
+    BelowTau,
     CameraMode,
     Detection,
     Detections,
@@ -24,6 +25,8 @@ from rsoconsole.sky import jacobian_arcsec_px, pixel_to_sky
 GPS_SIGMA_S = 0.001
 """Timing sigma of a camera with its own GPS receiver, unless it was measured."""
 NO_MODE = CameraMode()
+MAX_FAINT = 40
+"""Number of a frame's candidates below tau that may be of a track."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,6 +243,30 @@ def measure_detections(
             measurement_id=measurement_id_of(frame.frame_id, number),
         )
         for number, each in enumerate(found.detections)
+    )
+    return tuple(m for m in made if m is not None)
+
+
+def measure_faint(
+    found: Detections, solution: Solution, frame: Frame | FrameTaken, exposure: ExposureConfig
+) -> tuple[Measurement, ...]:
+    """Return the measurements of a frame's likeliest candidates below tau; () without a time."""
+    numbered = enumerate(found.rejected, start=len(found.detections))
+    faint = (
+        (number, each.detection)
+        for number, each in numbered
+        if isinstance(each.reason, BelowTau) and each.detection.kind == "streak"
+    )
+    made = (
+        measure(
+            detection,
+            solution,
+            frame,
+            exposure,
+            measurement_id=measurement_id_of(frame.frame_id, number),
+            source="faint",
+        )
+        for number, detection in itertools.islice(faint, MAX_FAINT)
     )
     return tuple(m for m in made if m is not None)
 

@@ -21,6 +21,7 @@ from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measure_detections
 from rsoconsole.pipeline.frame.plate import FixedPlateSource, PlateFinder, middle_part
 from rsoconsole.records import (
+    BelowTau,
     ChartStar,
     Detections,
     Frame,
@@ -181,21 +182,24 @@ class FrameReducer:
     def reduce(self, frame: Frame) -> Reduction:
         """Return detections, solution and measurements of one frame.
 
-        The plate is solved where something was detected or where the header gives a direction: it
-        costs little and shows where the telescope really points. With the solution the streaks are
-        compared with the frame before and the star catalogue. A detection in an unsolved frame
-        makes no measurement: the mount's reported position never replaces a solution.
+        The plate is solved where something was detected, below tau too, or where the header gives a
+        direction: it costs little and shows where the telescope really points. With the solution
+        the streaks are compared with the frame before and the star catalogue. A detection in an
+        unsolved frame makes no measurement: the mount's reported position never replaces a
+        solution.
         """
         stage_ms: dict[str, float] = {}
         with time_stage(stage_ms, "detect"):
             even, noted = self._calibration.prepare(frame)
             analysis = self._detector.analyse(even)
         found = analysis.detections
-        network_ms = sum(found.stage_ms.get(each, 0.0) for each in ("network", "fit", "class"))
+        judging = ("network", "fit", "faint", "judge", "class")
+        network_ms = sum(found.stage_ms.get(each, 0.0) for each in judging)
         stage_ms["process"] = stage_ms["detect"] - network_ms
         stage_ms["detect"] = network_ms
         solution: Solution | NotSolved | None = None
-        if found.detections or frame.pointing_ra_icrs_deg is not None:
+        faint = any(isinstance(each.reason, BelowTau) for each in found.rejected)
+        if found.detections or faint or frame.pointing_ra_icrs_deg is not None:
             with time_stage(stage_ms, "solve"):
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()

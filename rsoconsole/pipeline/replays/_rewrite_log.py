@@ -108,9 +108,10 @@ class LogRewriter:
             case StateChange():
                 self._write_change(t_utc_ns, record, before)
                 return
-            case TrackState() | NotFollowed() | Miss():
+            case TrackState() | NotFollowed() | Miss() | Measurement(source="faint"):
                 if self._is_void:
                     return
+                record = self._at_instant(record) if isinstance(record, Measurement) else record
             case _ if isinstance(record, OrbitRecord):
                 if self._is_void or self._is_another_night:
                     return

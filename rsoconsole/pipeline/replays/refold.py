@@ -292,7 +292,9 @@ class ReplayState:
         self, record: FoldRecord | Solution | NotSolved | Measurement
     ) -> RecordRole:
         """Add a record of a frame, input or output of the fold; return its role."""
-        is_folds = isinstance(record, FoldRecord) and not self._is_loops_own(record)
+        # The fold records those candidates below tau that a track takes.
+        is_faint = isinstance(record, Measurement) and record.source == "faint"
+        is_folds = is_faint or (isinstance(record, FoldRecord) and not self._is_loops_own(record))
         if self.open_again is not None:
             if is_folds:
                 self.open_again[1].append(record)

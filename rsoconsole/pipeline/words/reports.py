@@ -20,6 +20,7 @@ from rsoconsole.records import (
     Measurement,
     NotSolved,
     Solution,
+    StateChange,
     TrackState,
 )
 from rsoconsole.sky import wcs_cards
@@ -161,6 +162,8 @@ def process_report(name: str, processed: ProcessedFrame, place: FrameSite) -> di
     predicted = next((s for s in states if s.kind == "predicted"), None)
     updated = next((s for s in states if s.kind != "predicted"), None)
     followed = _followed(reduction, after)
+    causes = [r.reason for r in processed.records if isinstance(r, StateChange)]
+    faint = next((c for c in causes if c.kind == "faint frames agree"), None)
     solution = reduction.solution
     t_mid_ns = processed.t_mid_utc_ns
     return {
@@ -176,6 +179,9 @@ def process_report(name: str, processed: ProcessedFrame, place: FrameSite) -> di
         "measurement": None if followed is None else measurement_report(followed),
         "nis": None if updated is None else updated.nis,
         "predicted": None if predicted is None else prediction_report(predicted),
+        "faint": None
+        if faint is None
+        else {"frames": faint.frames, "probability": faint.probability},
         "extension": frame.header.get(EXTENSION_KEY),
         "no_time": None if t_mid_ns is not None else exposure_time(frame.header).fault,
         "site": place.report,

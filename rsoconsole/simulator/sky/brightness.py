@@ -70,13 +70,13 @@ _MIN_NODES, _MAX_NODES = 201, 4001
 
 
 def world_extra_mag(world: SatelliteWorld, seed: int, norad_id: int, t_s: FloatArray) -> FloatArray:
-    """Magnitudes lost (n,) by the world's fading and flashing.
+    """Magnitudes lost (n,) by the world's dimming, fading and flashing.
 
     ``t_s``: seconds after the night's start.
     """
     t = np.asarray(t_s, dtype=np.float64)
     fades = world.fade_norad in (0, norad_id)
-    extra = (world.fade_mag_h if fades else 0.0) * t / 3600.0
+    extra = world.fainter_mag + (world.fade_mag_h if fades else 0.0) * t / 3600.0
     if world.flash_period_s > 0.0:
         phase = frame_rng(seed, norad_id, _PHASE_STREAM).random()
         turn = (t / world.flash_period_s + phase) % 1.0

@@ -205,8 +205,9 @@ class MountWorld(_Part):
 
 
 class SatelliteWorld(_Part):
-    """Flashing of all satellites of the night, and fading of all or of one of them."""
+    """Brightness and flashing of all satellites of the night, fading of all or of one of them."""
 
+    fainter_mag: float = _setting(0.0, "mag", "they are fainter than else", ge=-10, le=20)
     flash_period_s: float = _setting(
         0.0, "s", "they flash so often, each in its own phase; 0: steady", ge=0, le=3600
     )

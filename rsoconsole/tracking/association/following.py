@@ -56,6 +56,8 @@ class FrameInput:
     """Full width of its stars at half maximum; None where it was not measured."""
     chosen: Measurement | None = None
     """Measurement that the operator wants followed; one of ``measurements``."""
+    faint: tuple[Measurement, ...] = ()
+    """Candidates below tau, each with its probability; none of ``measurements``."""
     refused: tuple[Measurement, ...] = ()
     """Measurements that the operator rejects; none of ``measurements``."""
     dropped: tuple[int, ...] = ()
@@ -123,6 +125,8 @@ class Following:
     candidates: tuple[Measurement, ...] = ()
     earlier: tuple[Measurement, ...] = ()
     """Measurements of earlier frames that may still initiate a track with later ones."""
+    faint: tuple[Measurement, ...] = ()
+    """Streaks below tau of the last frames, this one included, that may initiate a track."""
     tracks: tuple[LiveTrack, ...] = ()
     """Tracks, the lead first; empty where there is none."""
     pattern: TrackPattern = NO_PATTERN

@@ -2,7 +2,16 @@
 
 from dataclasses import replace
 
-from rsoconsole.records import FoldRecord, LoopState, Measurement, NotFollowed, NotTaken, TrackState
+from rsoconsole.records import (
+    Cause,
+    FoldRecord,
+    LoopState,
+    Measurement,
+    NotFollowed,
+    NotTaken,
+    StateChange,
+    TrackState,
+)
 from rsoconsole.tracking.association import pattern as patterns
 from rsoconsole.tracking.association.following import (
     TRACKABLE_CLASSES,
@@ -42,6 +51,7 @@ from rsoconsole.tracking.filters.streak_length import (
 )
 from rsoconsole.tracking.initiation import chains
 from rsoconsole.tracking.initiation.chains import Chain
+from rsoconsole.tracking.initiation.faint import WAITS_AT, FaintChain, faint_chain, waiting_faint
 
 AS_GOOD_AS_CERTAIN = 0.9
 """Confidence from which the smaller position error decides which of two to follow."""
@@ -56,9 +66,10 @@ def acquire(
     """Initiate tracks from frames whose measurements agree on one motion (``chains``).
 
     The most confident measurement with a partner in an earlier frame leads; among those with a
-    confidence of ``AS_GOOD_AS_CERTAIN`` or more, the one with the smallest position error. Streaks
-    cut by the frame's edge, and those of a class outside ``TRACKABLE_CLASSES``, initiate no track
-    unless the operator chose them. Each measurement that is not accepted is recorded once, with its
+    confidence of ``AS_GOOD_AS_CERTAIN`` or more, the one with the smallest position error. Where no
+    measurements do, candidates below tau may (``faint``). Streaks cut by the frame's edge, and
+    those of a class outside ``TRACKABLE_CLASSES``, initiate no track unless the operator chose
+    them. Each measurement that is not accepted is recorded once, with its
     reason; one that waits for a second frame is recorded with that frame.
     """
     whole = tuple(m for m in seen.measurements if not m.is_clipped)
@@ -92,10 +103,40 @@ def acquire(
         if earlier:
             lead = (*earlier, second)
             return _begun(lead, agreed, before, usable, (*aside, *refused), seen, settings)
+    faint = _faint_chain(before, usable, seen, settings)
+    if faint is not None and faint.begins:
+        after, records = _begun(
+            faint.streaks, {}, before, usable, (*aside, *refused), seen, settings
+        )
+        return after, (*records, *_agreed(faint, before, "TRACK"))
     alone = tuple(not_followed_record(m, _no_partner(m, usable, seen)) for m in before.candidates)
-    state: LoopState = "ACQUIRE" if usable else "SEARCH"
+    waits = faint is not None and not usable and faint.probability >= WAITS_AT
+    state: LoopState = "ACQUIRE" if usable or waits else "SEARCH"
     waiting = chains.waiting_measurements(before, ()) if chains.uses_window(settings) else ()
-    return before.without_track(state, usable, waiting), (*alone, *aside, *refused)
+    after = before.without_track(state, usable, waiting)
+    said = _agreed(faint, before, "ACQUIRE") if faint is not None and waits else ()
+    return replace(after, faint=waiting_faint(before, seen)), (*alone, *aside, *refused, *said)
+
+
+def _faint_chain(
+    before: Following, usable: Chain, seen: FrameInput, settings: FollowSettings
+) -> FaintChain | None:
+    """Chain with streaks below tau; None where the operator, or another preset, decides."""
+    is_asked = chains.uses_window(settings) and seen.chosen is None and not before.dropped
+    return faint_chain(before, usable, seen, settings) if is_asked else None
+
+
+def _agreed(found: FaintChain, before: Following, after: LoopState) -> tuple[StateChange, ...]:
+    """Change of state that a chain with streaks below tau leads to, if it is one."""
+    if before.state == after:
+        return ()
+    reason = Cause(
+        kind="faint frames agree",
+        frames=len(found.streaks),
+        probability=min(round(found.probability, 2), 0.99),
+    )
+    frame_id = found.streaks[-1].frame_id
+    return (StateChange(frame_id=frame_id, before=before.state, after=after, reason=reason),)
 
 
 def _partner(candidates: Chain, second: Measurement, seen: FrameInput) -> Chain:

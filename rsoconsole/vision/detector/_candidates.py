@@ -14,7 +14,6 @@ from rsoconsole.vision.detector.measured_detection import (
     SHARP_PX,
     Candidate,
     LineLight,
-    PointImage,
     detection_from_box,
     detection_from_fit,
     detection_from_trace,
@@ -22,18 +21,16 @@ from rsoconsole.vision.detector.measured_detection import (
     line_light_of,
 )
 from rsoconsole.vision.detector.network import LOWEST_CONFIDENCE, NetworkBox
-from rsoconsole.vision.detector.working_frame import detection_in_original_pixels
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.lines.line_filter import CellLine
-from rsoconsole.vision.lines.line_or_stars import StarImageComparer
 from rsoconsole.vision.lines.line_strip import OFF_PX
 from rsoconsole.vision.lines.segments import Ends, box_about, length_of, midpoint_of
 from rsoconsole.vision.lines.streak_search import cut_out
+from rsoconsole.vision.stars.point_image import PointImage
 from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streaks.streak_evenness import lumpiness_and_bend
 from rsoconsole.vision.streaks.streak_fit import AS_CHAINS_FWHM, MARGIN_PX, StreakFit, fit_streak
-from rsoconsole.vision.streaks.streak_glance import line_signal, star_width_and_narrow_snr
 from rsoconsole.vision.streaks.streak_trace import trace_line
 from rsoconsole.vision.streaks.traced_line import LineTrace
 
@@ -43,17 +40,11 @@ MIN_RECORDED_CONFIDENCE = 0.01
 """Confidence of the network below which a refused proposal is not recorded."""
 
 
-DARK = NotAStreak(kind="no light")
 LONGEST_FIT_PX = 450.0
 """Longer lines are measured along themselves alone (``streak_trace``): a fit would take seconds."""
-_MIN_TRACE_SNR, _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE, _MAX_ROUGH = 8.0, 3.0, 0.15, 0.9
-_NARROWEST, _WIDEST, _SHORTEST = 0.6, 2.2, 2.2
-"""Limits of width over the stars' (first: over ``SHARP_PX`` at most), of length in star widths."""
-_MAX_BEYOND = 0.6
-_MAX_NARROW = 1.0
-"""Least ratio of SNR, narrow line over star-wide one, from which a proposal is too narrow."""
-_SURELY_NARROW = 4.5
-"""Least signal to noise of the narrower line for that: below it noise does the same."""
+_MIN_TRACE_SNR = 5.0
+_NARROWEST, _SHORTEST = 0.6, 2.2
+"""Least width over the stars' (over ``SHARP_PX`` at most), and length in star widths."""
 _PIECE = 0.8
 """Least length of a measured line, over a light's own, for the light to be a piece of it."""
 _UNDERSAMPLED_PX = 1.6
@@ -68,8 +59,6 @@ _FINER_WHERE_JOINED = 0.5
 """Factor on the largest distance of a proposal from its line where pixels are joined."""
 _LIGHT_OFF_PX, _LIGHT_OFF_FWHM = 2.0, 0.6
 """Largest distance of a light of the star search from its line: px, or star widths if more."""
-_MAY_BE_A_LINE, _MAY_BE_WHERE_WIDE = 20.0, 0.0
-"""Chi-square of a profile from which star images are tried too: with sharp stars, wide ones."""
 _DRAWN_OUT, _MORE = 1.3, 1.1
 _SURE, _MUCH_LONGER, _MUCH_BETTER = 0.2, 1.6, 1.3
 _AGREE_SNR, _AGREE_LENGTH = 0.75, 0.15
@@ -166,34 +155,9 @@ class FrameCandidates:
     focus: PointImage
     is_worth_fitting: Callable[[Candidate], bool] = lambda _: True
     """Return True for a traced candidate that is worth the time of a fit."""
-    lights: StarImageComparer | None = None
-    """Star images with which short lines are compared; None: they are not compared."""
     taken: list[Candidate] = field(default_factory=list)
     """Candidates that are lines of light, with the network's confidence."""
     rejected: list[Rejection] = field(default_factory=list)
-
-    def quick_rejection(self, proposal: Proposal) -> NotAStreak | None:
-        """Return the reason to reject a proposal by a quick look; None: it should be measured.
-
-        - proposed by the network alone: too little light along it
-        - proposed by the line filter: narrower than stars, so a cosmic ray or a column of the
-          sensor
-        """
-        box = proposal.box
-        width_px = self._focus_at(box.ends_px).fwhm_px
-        if proposal.is_line and self.focus.joined > 1:
-            # Wind that widened the stars did not widen what moved on: a streak may be any width.
-            return None
-        if proposal.is_line and width_px < _UNDERSAMPLED_PX:
-            return None
-        if proposal.is_line:
-            matched, narrow = star_width_and_narrow_snr(
-                self.frame.pixels, self.sky, box.ends_px, width_px
-            )
-            is_narrow = narrow > max(_MAX_NARROW * matched, _SURELY_NARROW)
-            return NotAStreak(kind="too narrow", limit=width_px) if is_narrow else None
-        signal = line_signal(self.frame.pixels, self.sky, box.ends_px, width_px / FWHM_PER_SIGMA)
-        return None if signal.is_worth_a_fit(box.confidence) else DARK
 
     def has(self, proposal: Proposal) -> bool:
         """Return True where a proposal is a single light, a piece of a line already measured."""
@@ -205,23 +169,26 @@ class FrameCandidates:
             for each in self.taken
         )
 
-    def measure(self, proposal: Proposal) -> None:
-        """Measure a proposal and add it to ``taken`` or to ``rejected``."""
+    def measure(self, proposal: Proposal, log_odds: float = 0.0) -> None:
+        """Measure a proposal and add it to ``taken`` or to ``rejected``.
+
+        ``log_odds``: what the verifier says of it.
+        """
         try:
-            self._measure(proposal)
+            self._measure(proposal, log_odds)
         except Exception:
             # One candidate must not cost the others of the frame, nor the night.
             log.exception("frame %d: the line fit broke on %s", self.frame.frame_id, proposal)
             self.record_rejection(proposal.box, NotAStreak(kind="fit broke"))
 
-    def _measure(self, proposal: Proposal) -> None:
+    def _measure(self, proposal: Proposal, log_odds: float) -> None:
         box = proposal.box
         trace, reason = self._traced_well(proposal)
         if trace is None and box.confidence < _BELIEVED:
             self.record_rejection(box, reason or NotAStreak(kind="no line"))
             return
         measured: StreakFit | None = None
-        traced = None if trace is None else self._from_trace(box, trace)
+        traced = None if trace is None else self._from_trace(box, trace, log_odds)
         is_promising = traced is None or self.is_worth_fitting(traced)
         if box.length_px <= LONGEST_FIT_PX and is_promising:
             fit = fit_streak(
@@ -234,8 +201,9 @@ class FrameCandidates:
             )
             if isinstance(fit, StreakFit) and (trace is None or _agree(fit, trace)):
                 light = traced.light if traced else line_light_of(self._traced(_ends_of(fit)))
-                light = replace(light, bend=fit.bend, lumpiness=fit.lumpiness)
-                self._take(self._candidate(detection_from_fit(self.frame, box, fit), light))
+                found = detection_from_fit(self.frame, box, fit)
+                unevenness = max(fit.bend, fit.lumpiness)
+                self._take(self._candidate(found, replace(light, log_odds=log_odds), unevenness))
                 return
             if not isinstance(fit, StreakFit):
                 reason, measured = reason or fit.reason, fit.fit
@@ -244,42 +212,36 @@ class FrameCandidates:
         else:
             self._take(traced)
 
-    def _from_trace(self, box: NetworkBox, trace: LineTrace) -> Candidate:
+    def _from_trace(self, box: NetworkBox, trace: LineTrace, log_odds: float) -> Candidate:
         found = detection_from_trace(self.frame, box, trace)
-        return self._candidate(found, self._irregularity(found, trace))
+        light = replace(line_light_of(trace), log_odds=log_odds)
+        return self._candidate(found, light, self._unevenness(found, trace))
 
-    def _candidate(self, found: Detection, light: LineLight) -> Candidate:
-        """Add the irregularity of path and light to a candidate, where it shows a cosmic ray.
+    def _candidate(self, found: Detection, light: LineLight, unevenness: float) -> Candidate:
+        """Candidate with the irregularity of path and light, where it shows a cosmic ray.
 
         No ray is as wide as stars many pixels wide, and wind bends whatever is in the frame.
         """
         if self.focus.joined > 1 or found.width_px > SHARP_PX:
-            light = replace(light, bend=0.0, lumpiness=0.0)
-        found = replace(found, unevenness=light.unevenness)
-        return Candidate(found=found, light=self._against_stars(found, light))
+            unevenness = 0.0
+        return Candidate(found=replace(found, unevenness=unevenness), light=light)
 
-    def _against_stars(self, found: Detection, light: LineLight) -> LineLight:
-        """Add the comparison with the frame's star images, where that is worth its time."""
-        least = _MAY_BE_A_LINE if self.focus.joined == 1 else _MAY_BE_WHERE_WIDE
-        if self.lights is None or light.left > 0.0 or light.over_points < least:
-            return light
-        compared = self.lights.compared(detection_in_original_pixels(found, self.focus.joined))
-        if compared is None:
-            return light
-        return replace(light, over_stars=compared.over_stars, left=compared.left)
-
-    def _irregularity(self, found: Detection, trace: LineTrace) -> LineLight:
-        """Add a short line's irregularity: of its path, and of its light if without one period."""
-        light = line_light_of(trace)
+    def _unevenness(self, found: Detection, trace: LineTrace) -> float:
+        """Irregularity of a short line: of its path, and of its light if without one period."""
         ends = _ends_of(found)
         if found.length_px > AS_CHAINS_FWHM * self._focus_at(ends).fwhm_px:
-            return light
+            return 0.0
         cutout = cut_out(self.frame.pixels, self.sky, box_about(ends), MARGIN_PX, self.stars)
         width_px = self._width_px(trace)
         lumpiness, bend = lumpiness_and_bend(
             cutout, ends, width_px / FWHM_PER_SIGMA, found.snr / trace.confusion
         )
-        return replace(light, bend=bend, lumpiness=lumpiness * (trace.roughness > _PERIODIC))
+        return max(bend, lumpiness * (trace.roughness > _PERIODIC))
+
+    def traced_ends(self, proposal: Proposal) -> Ends | None:
+        """Ends of a proposal as the light along it shows them; None where no line stands out."""
+        trace = self._traced(proposal.box.ends_px, is_light=proposal.is_light)
+        return None if trace is None else _ends_of(trace)
 
     def _traced_well(self, proposal: Proposal) -> tuple[LineTrace | None, NotAStreak | None]:
         """Return a trace that passes the gates, or the first gate that it does not pass."""
@@ -343,18 +305,8 @@ class FrameCandidates:
             reason = NotAStreak(kind="too faint", value=trace.snr, limit=_MIN_TRACE_SNR)
         elif trace.width_px < least_px:
             reason = NotAStreak(kind="too narrow", value=trace.width_px, limit=width_px)
-        elif trace.width_px > _WIDEST * width_px:
-            reason = NotAStreak(kind="too wide", value=trace.width_px, limit=width_px)
         elif length_px < _SHORTEST * star_px:
             reason = NotAStreak(kind="too short", value=length_px)
-        elif trace.lower_quartile_snr < max(
-            _MIN_QUARTILE_SNR, _MIN_QUARTILE_SHARE * trace.snr / trace.confusion
-        ):
-            reason = NotAStreak(kind="dark in between")
-        elif trace.roughness > _MAX_ROUGH:
-            reason = NotAStreak(kind="uneven", value=trace.roughness, limit=_MAX_ROUGH)
-        elif trace.beyond > _MAX_BEYOND:
-            reason = NotAStreak(kind="longer trail")
         else:
             reason = None
         return reason

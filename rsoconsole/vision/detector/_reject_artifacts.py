@@ -20,8 +20,8 @@ _LENGTH_KNOWN = 0.2
 _FEW_TRAILS, _MANY_TRAILS, _SURE, _STEADY = 2.0, 8.0, 0.9, 0.2
 """Trails of stars in a row that look like one streak (the first for a sure or steady one, the
 second for others), and the confidence and roughness that make it sure or steady."""
-_NO_TRAILS = 80.0
-"""Chi-square (``line_or_stars``) from which a light is not a few trails of stars in a row."""
+_NO_TRAILS = 4.0
+"""Verifier's log-odds from which a light is not a few trails of stars in a row."""
 _AS_TRAILS_DEG = 6.0
 _LONG_ROW, _ALONG_ROW_DEG = 0.5, 0.15
 """Share of the frame, and degrees off its rows or columns."""
@@ -144,7 +144,7 @@ def reject_star_trails(
         if (
             line_angle_deg(found.angle_deg, trail.angle_deg) > _AS_TRAILS_DEG
             or found.length_px > longest_px
-            or light.over_stars > _NO_TRAILS
+            or light.log_odds > _NO_TRAILS
         ):
             kept.append(each)
         else:

@@ -4,68 +4,64 @@ A candidate above tau that passes the measurement's gates is a detection; every 
 the network is recorded with the reason for its rejection.
 """
 
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Protocol
+
+import numpy as np
 
 from rsoconsole.config import DetectorConfig
-from rsoconsole.records import BelowTau, Detection, Detections, Frame, NotAStreak, Rejection
+from rsoconsole.records import (
+    BelowTau,
+    Detection,
+    Detections,
+    FloatArray,
+    Frame,
+    NotAStreak,
+    Rejection,
+)
 from rsoconsole.vision.detector._candidates import (
-    MIN_RECORDED_CONFIDENCE,
     FrameCandidates,
     Proposal,
-    merged_proposals,
     ranked_proposals,
 )
-from rsoconsole.vision.detector._reject_artifacts import is_star_trail, reject_artifacts
+from rsoconsole.vision.detector._reject_artifacts import reject_artifacts
 from rsoconsole.vision.detector.confidence import ConfidenceCurve
 from rsoconsole.vision.detector.measured_detection import (
     Candidate,
-    PointImage,
-    distinct_boxes,
-    is_parallel_to_any,
     with_midpoint_at_box_centre,
 )
-from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.detector.working_frame import WorkingFrame, joined_square_side_px
-from rsoconsole.vision.frame.background import Background, local_background
-from rsoconsole.vision.frame.bins import bin_frame
-from rsoconsole.vision.frame.maps import FrameMap, choose_blocks, make_map, map_noise
-from rsoconsole.vision.frame.pattern import find_row_column_pattern
-from rsoconsole.vision.frame.workers import Workers, threads_for
-from rsoconsole.vision.lines.line_filter import FINEST_PX, CellLine, cell_side_px, propose_lines
-from rsoconsole.vision.lines.line_or_stars import StarImageComparer
-from rsoconsole.vision.lines.short_lines import interleaved_lines, short_lines
-from rsoconsole.vision.stars.psf_field import Psf
+from rsoconsole.vision.detector.proposal_search import (
+    FAINT_PX,
+    FrameProposals,
+    ProposalSearch,
+    Proposer,
+    Stopwatch,
+)
+from rsoconsole.vision.detector.working_frame import WorkingFrame
+from rsoconsole.vision.frame.background import Background
+from rsoconsole.vision.lines.segments import Ends
+from rsoconsole.vision.stars.point_image import PointImage
 from rsoconsole.vision.stars.psf_memory import PsfMemory
 from rsoconsole.vision.stars.star_list import StarList
-from rsoconsole.vision.stars.stars import MAX_STARS, STAR_BLOCK_PX, find_stars
 from rsoconsole.vision.streaks.class_probabilities import Likelihood
 from rsoconsole.vision.streaks.streak_classes import classify_streaks
 from rsoconsole.vision.streaks.streak_middle import with_middle_by_light
 
+MIN_FAINT_CONFIDENCE = 3e-4
+"""Least confidence of a measured streak that is recorded: frames together may make it sure."""
 MAX_FITS = 28
 MAX_QUICK_FITS = 3
-MAX_WITNESSES = 12
+MAX_VERIFIED, _MIN_LOG_ODDS = 72, -2.0
+"""Number of proposals that the verifier looks at, and its log-odds from which one is measured."""
+_SHARP_PX = 1.5
+"""Width of stars, px, below which streaks side by side are told apart in finer cells alone."""
+_SURELY_ONE = 2.0
+"""Verifier's log-odds of a streak beside which no fainter one is looked for."""
 MIN_BELIEVED = 1e-3
-"""Network's confidence below which a proposal is measured only if the line filter made it too."""
-_MAX_JOININGS = 2
-_MAX_WIDE_STARS = 1500
-"""Largest number of stars listed where they are wide."""
+"""Network's confidence below which only what the line filter proposes too is looked at."""
 _WORTH_A_NAME = 0.2
-_PROMISING = 0.5
+_PROMISING = 0.1
 """Share of tau below which a trace's confidence is too low for any fit to lift it above tau."""
-
-
-class Proposer(Protocol):
-    """Source of proposals: the trained network, or a stand-in."""
-
-    def run(self, frame_map: FrameMap) -> tuple[NetworkBox, ...]:
-        """Candidates in one map, most confident first."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,11 +104,10 @@ class StreakDetector:
         - is_quick: measure only the few best proposals of the line filter, take stars to be points
         """
         self._is_quick = is_quick
-        self._network = network
+        self._search = ProposalSearch(network, settings, memory, is_quick=is_quick)
         self._settings = settings
         self._curve = curve
-        self._memory = memory
-        self._workers = Workers(threads_for(settings.threads))
+        self._verifier = network.verifier
 
     def detect(self, frame: Frame, tau: float | None = None) -> Detections:
         """Find streaks of ``frame`` with a confidence above ``tau`` (None: the configured one)."""
@@ -125,37 +120,28 @@ class StreakDetector:
         overlap with those of other stages.
         """
         threshold = self._settings.tau if tau is None else tau
-        watch = _Stopwatch()
-        with watch.stage("pattern"):
-            pattern = find_row_column_pattern(frame.pixels)
-            if pattern is not None:
-                frame = replace(frame, pixels=pattern.removed(frame.pixels))
-        known = None if self._memory is None else self._memory.recall(frame)
-        working = WorkingFrame.of(frame, 1)
-        seen = first = self._first_look(frame, watch, known, may_join_pixels=True)
-        for _ in range(_MAX_JOININGS):
-            side = joined_square_side_px(seen.stars, working.frame)
-            if side == 1:
-                break
-            working = WorkingFrame.of(frame, side * working.side)
-            joined = None if known is None else known.in_binned_pixels(working.side)
-            seen = self._first_look(working.frame, watch, joined, _MAX_WIDE_STARS)
-        stars = seen.stars
-        if self._memory is not None:
-            self._memory.remember(frame, working.original_stars(stars))
-        focus = _focus(stars, working.side)
+        watch = Stopwatch()
+        seen = self._search.search(frame, watch)
+        working, stars, focus = seen.working, seen.stars, seen.focus
         with watch.stage("fit"):
-            lights = StarImageComparer(frame.pixels, first.sky, working.original_stars(stars))
-            measured = self._measure(working, seen, focus, threshold, lights)
-            rejected = measured.rejected
+            measured = self._candidates(seen, threshold)
+            self._measure(seen, measured, seen.proposals)
+        proposals = seen.proposals
+        if self._looks_for_faint(seen, measured):
+            with watch.stage("faint"):
+                faint = self._search.faint_proposals(seen)
+                self._measure(seen, measured, faint)
+                proposals += tuple(faint)
+        with watch.stage("judge"):
             judged = self._judged(measured.taken, focus)
+            rejected = measured.rejected
             judged.sort(key=lambda each: -each.found.confidence)
             taken, others = reject_artifacts(
                 judged,
                 stars.trail,
                 working.frame,
                 points=len(stars),
-                is_striped=pattern is not None,
+                is_striped=seen.is_striped,
             )
             rejected += others
             if self._settings.centroid == "box":
@@ -163,7 +149,7 @@ class StreakDetector:
             rejected += [
                 Rejection(detection=d, reason=BelowTau(confidence=d.confidence, tau=threshold))
                 for d in taken
-                if MIN_RECORDED_CONFIDENCE < d.confidence <= threshold
+                if MIN_FAINT_CONFIDENCE < d.confidence <= threshold
             ]
         with watch.stage("class"):
             accepted = [d for d in taken if d.confidence > threshold]
@@ -188,185 +174,79 @@ class StreakDetector:
                 stage_ms=watch.stage_ms,
             ),
             stars=working.original_stars(stars),
-            background=first.sky,
+            background=seen.original_sky,
             candidates=tuple(measured.taken),
             focus=focus,
             working=working,
-            proposals=seen.proposals,
+            proposals=proposals,
             class_shares={
                 working.original_detection(each): of_all for each, of_all in shares.items()
             },
         )
 
-    def _first_look(
-        self,
-        frame: Frame,
-        watch: "_Stopwatch",
-        expected: Psf | None,
-        most_stars: int = MAX_STARS,
-        *,
-        may_join_pixels: bool = False,
-    ) -> "_FirstLook":
-        """Find sky, stars and possible streaks; ``expected`` of the stars where they are few.
-
-        With ``may_join_pixels`` no streak is searched for where stars are so wide that pixels will
-        be joined first, as far as that is known in time.
+    def _looks_for_faint(self, seen: FrameProposals, measured: FrameCandidates) -> bool:
+        """True where finer cells would show more: nothing measured is surely a streak, or stars
+        are much narrower than the cells.
         """
-        pixels, workers = frame.pixels, self._workers
-        blocks = choose_blocks(
-            frame.width_px, frame.height_px, frame.scale_arcsec_px, frame.exposure_s
-        )
-        mode = self._settings.map_mode
-        lines = blocks if mode == "fast" and not self._is_quick else ()
-        # Where pixels were joined stars stand closer together, and streaks are short.
-        finest_px = FINEST_PX if may_join_pixels else FINEST_PX // 2
-        star_block_px = STAR_BLOCK_PX if may_join_pixels else STAR_BLOCK_PX // 2
-        side_px = cell_side_px(frame.height_px, frame.width_px, finest_px)
-        with watch.stage("background"):
-            noises = {block: workers.begin(partial(map_noise, pixels, block)) for block in lines}
-            bins = bin_frame(
-                pixels, {star_block_px}, line_blocks=lines, square_px=side_px, workers=workers
-            )
-            sky = local_background(pixels, bins=bins, workers=workers)
+        if self._verifier is None or self._is_quick or seen.side_px <= FAINT_PX:
+            return False
+        if seen.focus.fwhm_px < _SHARP_PX:
+            return True
+        return all(each.light.log_odds < _SURELY_ONE for each in measured.taken)
 
-        def look_for_stars_and_lines() -> tuple[StarList, list[CellLine]]:
-            with watch.stage("stars"):
-                stars = find_stars(
-                    pixels,
-                    sky,
-                    most_stars,
-                    saturation_adu=frame.saturation_adu,
-                    bins=bins,
-                    expected=expected,
-                    block_px=star_block_px,
-                    may_be_trails=not self._is_quick,
-                )
-            if may_join_pixels and joined_square_side_px(stars, frame) > 1:
-                return stars, []
-            with watch.stage("lines"):
-                assert bins.squares is not None
-                return stars, propose_lines(sky, bins.squares, side_px, stars)
-
-        looked = workers.begin(look_for_stars_and_lines)
-        if (
-            may_join_pixels
-            and looked.done()
-            and joined_square_side_px(looked.result()[0], frame) > 1
-        ):
-            return _FirstLook(sky=sky, stars=looked.result()[0], proposals=())
-        if self._is_quick:
-            stars, found = looked.result()
-            return _FirstLook(sky=sky, stars=stars, proposals=tuple(merged_proposals([], found)))
-        with watch.stage("map"):
-            noise = {block: begun.result() for block, begun in noises.items()}
-            maps = [
-                make_map(pixels, mode, block, bins=bins, noise=noise.get(block), workers=workers)
-                for block in blocks
-            ]
-        with watch.stage("network"):
-            boxes = distinct_boxes([self._network.run(each) for each in maps])
-        stars, found = looked.result()
-        is_sharp = may_join_pixels and stars.trail is None
-        found = interleaved_lines(found, short_lines(stars, found, is_sharp=is_sharp))
-        wanted = merged_proposals(boxes, found)
-        if stars.trail is not None:
-            trail = stars.trail
-            wanted = [each for each in wanted if each.is_light or not is_star_trail(each, trail)]
-        return _FirstLook(sky=sky, stars=stars, proposals=tuple(wanted))
-
-    def _measure(
-        self,
-        working: WorkingFrame,
-        seen: "_FirstLook",
-        focus: PointImage,
-        threshold: float,
-        lights: StarImageComparer,
-    ) -> FrameCandidates:
-        """Measure the candidates: those that are lines of light, and those that are none.
-
-        Candidates that no measurement could lift above ``threshold``, or without light at a glance,
-        are not measured, except those that may count against one above it, since they run alike.
-        """
-        frame, stars = working.frame, seen.stars
-        ordered = ranked_proposals(seen.proposals)
-        curve = self._curve
+    def _candidates(self, seen: FrameProposals, threshold: float) -> FrameCandidates:
+        curve, focus = self._curve, seen.focus
 
         def is_worth_fitting(candidate: Candidate) -> bool:
-            return curve is None or curve.confidence(candidate, focus) > _PROMISING * threshold
+            # How wide it is the fit alone tells well.
+            narrow = replace(candidate, found=replace(candidate.found, width_px=0.0))
+            return curve is None or curve.confidence(narrow, focus) > _PROMISING * threshold
 
-        measured = FrameCandidates(frame, seen.sky, stars, focus, is_worth_fitting, lights)
-        hopeful: list[Proposal] = []
-        others: list[Proposal] = []
-        for each in ordered:
-            (hopeful if self._has_hope(each, focus, threshold) else others).append(each)
+        return seen.candidates(is_worth_fitting)
+
+    def _measure(
+        self, seen: FrameProposals, measured: FrameCandidates, proposals: Sequence[Proposal]
+    ) -> None:
+        """Measure candidates: those that are lines of light, and those that are none.
+
+        The verifier looks at the best proposals; what it gives no hope is not measured.
+        """
+        worth = [p for p in proposals if p.is_line or p.box.confidence >= MIN_BELIEVED]
+        ranked = ranked_proposals(worth)
+        ordered = ranked[:MAX_VERIFIED]
+        for each in ranked[MAX_VERIFIED:]:
+            measured.record_rejection(each.box, NotAStreak(kind="not measured", limit=MAX_VERIFIED))
+        said = self._log_odds(seen, [each.box.ends_px for each in ordered])
         fits, most = 0, MAX_QUICK_FITS if self._is_quick else MAX_FITS
-        for each in hopeful:
-            if measured.has(each):
+        for at in np.argsort(-said, kind="stable").tolist():
+            each, log_odds = ordered[at], float(said[at])
+            if log_odds < _MIN_LOG_ODDS:
+                measured.record_rejection(each.box, NotAStreak(kind="unlike a streak"))
+            elif measured.has(each):
                 continue
-            if fits == most:
+            elif fits == most:
                 measured.record_rejection(each.box, NotAStreak(kind="not measured", limit=most))
-            elif (doubt := measured.quick_rejection(each)) is not None:
-                measured.record_rejection(each.box, doubt)
             else:
                 fits += 1
-                measured.measure(each)
-        judged = (each.found for each in self._judged(measured.taken, focus))
-        risen_deg = [found.angle_deg for found in judged if found.confidence > threshold]
-        witnesses = 0
-        for each in others:
-            is_asked = risen_deg and witnesses < (0 if self._is_quick else MAX_WITNESSES)
-            alike = is_asked and is_parallel_to_any(each.box.angle_deg, risen_deg)
-            if alike and measured.quick_rejection(each) is None:
-                witnesses += 1
-                measured.measure(each)
-            else:
-                measured.record_rejection(each.box, NotAStreak(kind="below tau", limit=threshold))
-        return measured
+                measured.measure(each, log_odds)
+        # Now by the ends that were measured.
+        found = [each.found for each in measured.taken]
+        ends = [(d.x_a_px, d.y_a_px, d.x_b_px, d.y_b_px) for d in found]
+        said = self._log_odds(seen, ends)
+        measured.taken = [
+            replace(each, light=replace(each.light, log_odds=odds))
+            for each, odds in zip(measured.taken, said.tolist(), strict=True)
+        ]
 
-    def _has_hope(self, proposal: Proposal, focus: PointImage, threshold: float) -> bool:
-        said, length_px = proposal.box.confidence, proposal.box.length_px
-        if proposal.is_line or said < MIN_BELIEVED or self._curve is None:
-            return proposal.is_line or said >= MIN_BELIEVED
-        here = focus.at(*proposal.box.middle_px)
-        return self._curve.highest_confidence(said, length_px, here) > threshold
+    def _log_odds(self, seen: FrameProposals, ends: list[Ends]) -> FloatArray:
+        """What the verifier says of lines: (n,) log-odds; 0 without one."""
+        lines = np.array(ends, dtype=np.float64).reshape(-1, 4)
+        if self._verifier is None or not ends:
+            return np.zeros(len(lines))
+        return self._verifier.log_odds(seen.images(lines))
 
     def _judged(self, taken: list[Candidate], focus: PointImage) -> list[Candidate]:
         """Candidates with the confidence by their measurement and among the others."""
         return (
             list(taken) if self._curve is None else self._curve.with_curve_confidences(taken, focus)
         )
-
-
-def _focus(stars: StarList, joined: int) -> PointImage:
-    trail = stars.trail
-    return PointImage(
-        fwhm_px=stars.median_fwhm_px,
-        joined=joined,
-        trail_px=0.0 if trail is None else trail.length_px,
-        trail_deg=0.0 if trail is None else trail.angle_deg,
-        psf_field=stars.psf_field,
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _FirstLook:
-    """Sky, stars and proposals of a frame, before any is measured."""
-
-    sky: Background
-    stars: StarList
-    proposals: tuple[Proposal, ...]
-
-
-class _Stopwatch:
-    """Wall time of each stage."""
-
-    def __init__(self) -> None:
-        self.stage_ms: dict[str, float] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        began = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.stage_ms[name] = (time.perf_counter() - began) * 1e3

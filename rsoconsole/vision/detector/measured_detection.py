@@ -1,7 +1,6 @@
 """Detections as recorded: from a fit, a trace, or a proposed box alone."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from rsoconsole.records import Detection, FloatArray, Frame
 from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.arrays import BoolArray
 from rsoconsole.vision.detector.network import NetworkBox
-from rsoconsole.vision.stars.psf_field import PsfField
 from rsoconsole.vision.streaks.streak_fit import StreakFit
 from rsoconsole.vision.streaks.traced_line import LineTrace
 
@@ -20,32 +18,17 @@ SHARP_PX = 3.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineLight:
-    """Evenness of a candidate's light along its line, and how well a line explains it."""
+    """Evenness of a candidate's light along its line, and what the verifier says of its image."""
 
-    lower_quartile_snr: float
-    """Signal to noise of the whole line if all its parts were as bright as their lower quartile."""
     roughness: float
     """Scatter of the parts over their mean that no slow change and no single period explains."""
     confusion: float = 1.0
     """Scatter of the sky beside the line over the noise of its pixels."""
-    bend: float = 0.0
-    lumpiness: float = 0.0
-    """Excess over noise of a short one's path and light variation (``streak_evenness``)."""
-
-    over_points: float = 0.0
-    """Chi-square of a few points minus that of one line, for its profile (``line_or_points``)."""
-    over_stars: float = 0.0
-    """Chi-square of star images minus that of one line, for its pixels (``line_or_stars``)."""
-    left: float = 0.0
-    """Chi-square per pixel that the line leaves; 0: not compared with star images."""
-
-    @property
-    def unevenness(self) -> float:
-        """Larger of bend and lumpiness."""
-        return max(self.bend, self.lumpiness)
+    log_odds: float = 0.0
+    """The verifier's log-odds that the line is a streak."""
 
 
-UNMEASURED = LineLight(lower_quartile_snr=0.0, roughness=1.0)
+UNMEASURED = LineLight(roughness=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,49 +36,12 @@ class Candidate:
     """One measured line of light that may be a streak."""
 
     found: Detection
-    """Detection with the network's confidence; after ``ConfidenceCurve.judged`` the curve's."""
+    """Detection with the network's confidence, or after ``with_curve_confidences`` the curve's."""
     light: LineLight
 
     def with_confidence(self, confidence: float) -> "Candidate":
         """Return the candidate with another confidence."""
         return replace(self, found=replace(self.found, confidence=confidence))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PointImage:
-    """Image of a point in a frame: width and trail, in working-frame pixels."""
-
-    fwhm_px: float
-    """Width of the stars: their median, or at the place given to ``at``."""
-    joined: int = 1
-    """Side of the squares of camera pixels that were joined to one; 1: none."""
-    trail_px: float = 0.0
-    """Length to which drift has drawn the stars out, px; 0: they are points."""
-    trail_deg: float = 0.0
-    """Direction of the trail, deg, x towards y."""
-    psf_field: PsfField | None = None
-    """Change of the stars' width over the frame; None where it does not change."""
-
-    def at(self, x_px: float, y_px: float) -> "PointImage":
-        """Return the point image at one place, with the stars' width there."""
-        if self.psf_field is None:
-            return self
-        return replace(self, fwhm_px=self.psf_field.at(x_px, y_px), psf_field=None)
-
-    def widest_streak_px(self, angle_deg: float) -> float:
-        """Return the largest width of a streak of this direction, px.
-
-        Drift of the mount and the satellite's motion add up to one straight line, as wide as a
-        star. Blur of the whole image, like shaking in one direction, widens the line across.
-        """
-        if self.trail_px == 0.0:
-            return self.fwhm_px
-        sideways = abs(math.sin(math.radians(angle_deg - self.trail_deg)))
-        return math.hypot(self.fwhm_px, _WIDTH_OF_A_BAND * self.trail_px * sideways)
-
-
-_WIDTH_OF_A_BAND = 0.9
-"""Full width at half maximum of a Gaussian fitted to a band, over the band's width."""
 
 
 BOX_SIGMA_PX = 3.0
@@ -133,10 +79,8 @@ def line_light_of(trace: LineTrace | None) -> LineLight:
     if trace is None:
         return UNMEASURED
     return LineLight(
-        lower_quartile_snr=trace.lower_quartile_snr,
         roughness=trace.roughness,
         confusion=trace.confusion,
-        over_points=trace.over_points,
     )
 
 
@@ -221,8 +165,6 @@ def detection_from_box(frame: Frame, box: NetworkBox) -> Detection:
 
 SAME_STREAK_DEG, _SAME_WIDTHS, _MIN_WIDTH_PX = 10.0, 1.5, 2.0
 """Limits within which two boxes are one streak: turn, deg; shift in widths; least width, px."""
-_RUNS_ALIKE_DEG = 6.0
-"""Largest difference of two proposals' directions that run alike, deg."""
 
 
 def distinct_boxes(found: list[tuple[NetworkBox, ...]]) -> tuple[NetworkBox, ...]:
@@ -262,11 +204,6 @@ def is_same_streak(one: Detection, other: Detection) -> bool:
     if turn > SAME_STREAK_DEG + float(np.degrees(2.0 / shortest)):
         return False
     return _lies_on(one, other) or _lies_on(other, one)
-
-
-def is_parallel_to_any(angle_deg: float, others_deg: Iterable[float]) -> bool:
-    """True where one direction is any of the others within 6 deg."""
-    return any(line_angle_deg(angle_deg, other) < _RUNS_ALIKE_DEG for other in others_deg)
 
 
 def _lies_on(one: Detection, other: Detection) -> bool:

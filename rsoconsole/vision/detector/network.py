@@ -5,20 +5,19 @@ as a logit, the offset of the midpoint (two values), ln(length / 16 cells), and 
 theta of the direction. Both ends follow from them; the box encloses the ends.
 """
 
-import contextlib
-import hashlib
 import itertools
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rsoconsole.base import ModelError, model_file_path, parse_json, read_foreign_text
+from rsoconsole.base import ModelError
 from rsoconsole.records import FloatArray
 from rsoconsole.vision.arrays import ByteArray, Float32Array
+from rsoconsole.vision.detector.network_file import REINSTALL, load_interpreter
+from rsoconsole.vision.detector.verifier import Verifier
 from rsoconsole.vision.frame.maps import (
     MAP_KIND,
     NETWORK_HEIGHT_CELLS,
@@ -39,8 +38,6 @@ _SAME_LINE_CELLS = 4.0
 _LONGEST_CELLS = 160.0
 _TILE_OVERLAP_CELLS = 128
 _MAX_CANDIDATES = 600
-ANOTHER_NETWORK = "or name another network in detector.model"
-_REINSTALL = f"reinstall rsoconsole, {ANOTHER_NETWORK}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,9 +125,12 @@ class Network:
     ``interpreter``: of TensorFlow Lite, with its tensors allocated.
     """
 
-    def __init__(self, interpreter: Any, card: Mapping[str, Any]) -> None:
+    def __init__(
+        self, interpreter: Any, card: Mapping[str, Any], verifier: Verifier | None = None
+    ) -> None:
         self.card = card
         """Content of the .json file beside the network."""
+        self.verifier = verifier
         self._interpreter = interpreter
         self._input = interpreter.get_input_details()[0]
         self._output = interpreter.get_output_details()[0]
@@ -145,24 +145,17 @@ class Network:
         many as ``workers.threads_for`` gives. The results do not depend on it.
         Raises ModelError when a file is missing, damaged, or not a network of this form.
         """
-        model, card_path = _files_of(path)
-        card = _read_card(card_path)
-        try:
-            content = model.read_bytes()
-        except OSError as error:
+        model, card, interpreter = load_interpreter(
+            MODEL_NAME, path, max(threads_for(threads) - 1, 1)
+        )
+        if card.get("input", {}).get("map") != MAP_KIND:
             raise ModelError(
-                f"the network {model} cannot be read ({error}): {_REINSTALL}"
-            ) from error
-        digest = hashlib.sha256(content).hexdigest()
-        if digest != card["sha256"]:
-            raise ModelError(
-                f"the network {model} is not the one its {card_path.name} describes "
-                f"(SHA-256 {digest[:12]}... instead of {card['sha256'][:12]}...): {_REINSTALL}"
+                f"the network that {model.with_suffix('.json')} describes was trained on another "
+                f"kind of map than this program makes ({MAP_KIND}): train it again "
+                f"(models/README.md), or {REINSTALL}"
             )
-        with _quiet_stderr():
-            interpreter = _interpreter(content, max(threads_for(threads) - 1, 1), model)
         _check_form(interpreter, model)
-        return cls(interpreter, card)
+        return cls(interpreter, card, Verifier.load())
 
     @property
     def version(self) -> str:
@@ -253,52 +246,6 @@ def _tile_starts(size: int, tile: int) -> list[int]:
     return [round(i * (size - tile) / (count - 1) / 4) * 4 for i in range(count)]
 
 
-def _files_of(path: Path | None) -> tuple[Path, Path]:
-    if path is not None:
-        return path, path.with_suffix(".json")
-    try:
-        model = model_file_path(MODEL_NAME)
-        return model, model_file_path(Path(MODEL_NAME).with_suffix(".json").name)
-    except FileNotFoundError as error:
-        raise ModelError(f"{error}; {ANOTHER_NETWORK}") from error
-
-
-def _read_card(path: Path) -> dict[str, Any]:
-    try:
-        card = parse_json(read_foreign_text(path))
-    except (OSError, ValueError) as error:
-        raise ModelError(
-            f"{path}, which describes the network, cannot be read ({error}): {_REINSTALL}"
-        ) from error
-    needed = {"name", "version", "sha256", "calibration"}
-    if not isinstance(card, dict) or not needed <= card.keys():
-        raise ModelError(f"{path} does not describe a network of this program: {_REINSTALL}")
-    if card.get("input", {}).get("map") != MAP_KIND:
-        raise ModelError(
-            f"the network that {path} describes was trained on another kind of map than this "
-            f"program makes ({MAP_KIND}): train it again (models/README.md), or {_REINSTALL}"
-        )
-    return card
-
-
-def _interpreter(content: bytes, threads: int, model: Path) -> Any:
-    try:
-        from ai_edge_litert.interpreter import Interpreter
-    except ImportError:
-        try:
-            from tflite_runtime.interpreter import Interpreter
-        except ImportError as error:
-            raise ModelError(
-                "no TensorFlow Lite runtime is installed: pip install ai-edge-litert"
-            ) from error
-    try:
-        interpreter = Interpreter(model_content=content, num_threads=threads)
-        interpreter.allocate_tensors()
-    except (ValueError, RuntimeError) as error:
-        raise ModelError(f"the network {model} cannot be loaded ({error}): {_REINSTALL}") from error
-    return interpreter
-
-
 def _check_form(interpreter: Any, model: Path) -> None:
     given = [int(n) for n in interpreter.get_input_details()[0]["shape"]]
     answered = [int(n) for n in interpreter.get_output_details()[0]["shape"]]
@@ -306,22 +253,5 @@ def _check_form(interpreter: Any, model: Path) -> None:
     size = NETWORK_HEIGHT_CELLS * NETWORK_WIDTH_CELLS
     if int(np.prod(given)) != size or answered != wanted:
         raise ModelError(
-            f"the network {model} takes {given} and answers {answered}, not {wanted}: {_REINSTALL}"
+            f"the network {model} takes {given} and answers {answered}, not {wanted}: {REINSTALL}"
         )
-
-
-@contextlib.contextmanager
-def _quiet_stderr() -> Iterator[None]:
-    """Keep what the runtime's C++ prints while loading away from the terminal."""
-    try:
-        saved = os.dup(2)
-    except OSError:
-        yield
-        return
-    try:
-        with Path(os.devnull).open("wb") as nowhere:
-            os.dup2(nowhere.fileno(), 2)
-        yield
-    finally:
-        os.dup2(saved, 2)
-        os.close(saved)

@@ -212,6 +212,19 @@ def mean_of_squares(values: _Values, side: int) -> _Values:
     return values
 
 
+def squares_of(pixels: PixelArray, side: int) -> Float32Array:
+    """Means of the squares of ``side`` pixels of a frame, which is mirrored up to whole ones."""
+    import cv2
+
+    down, right = (-size % side for size in pixels.shape)
+    whole = pixels
+    if down or right:
+        whole = cv2.copyMakeBorder(pixels, 0, down, 0, right, cv2.BORDER_REFLECT_101)
+    step = _STRIP_PX * side
+    strips = [whole[first : first + step] for first in range(0, len(whole), step)]
+    return np.concatenate([mean_of_squares(each.astype(np.float32), side) for each in strips])
+
+
 def cell_means_of_whole_blocks(pixels: PixelArray, bins: FrameBins, block: int) -> Float32Array:
     """Return ``bins.means`` with the last row and column as in a map of whole blocks.
 

@@ -30,8 +30,8 @@ from rsoconsole.vision.streaks._streak_robust import (
     uneven_share,
     without_star_beyond_end,
 )
+from rsoconsole.vision.streaks.broken_line import continues_beyond_end, is_broken_line
 from rsoconsole.vision.streaks.streak_evenness import lumpiness_and_bend
-from rsoconsole.vision.streaks.streak_glance import continues_beyond_end, is_broken_line
 
 MIN_SNR = 7.0
 MARGIN_PX = 16.0

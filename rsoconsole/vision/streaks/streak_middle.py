@@ -24,7 +24,6 @@ from rsoconsole.records import Detection, FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_or_points import surroundings_scatter_ratio
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     LineStrip,
@@ -33,6 +32,7 @@ from rsoconsole.vision.lines.line_strip import (
     profile_of,
     subtract_sky_beside,
 )
+from rsoconsole.vision.lines.line_texture import surroundings_scatter_ratio
 from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA

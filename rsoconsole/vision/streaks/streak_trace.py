@@ -31,7 +31,7 @@ from rsoconsole.vision.lines.line_strip import (
     subtract_sky_beside,
 )
 from rsoconsole.vision.lines.segments import Ends, length_of
-from rsoconsole.vision.stars.star_list import StarList, StarTrail
+from rsoconsole.vision.stars.star_list import StarList
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.streaks.traced_line import CLIP, TIMES_LEVEL, LineTrace, describe_line
 
@@ -61,13 +61,13 @@ def trace_line(
     """
     sigma = math.sqrt((psf_fwhm_px / FWHM_PER_SIGMA) ** 2 + INTERPOLATED_VARIANCE)
     strip = cut_out_strip(pixels, sky, ends, stars, sigma)
-    found, goes_on = _looked(strip, ends, sigma, off_px, stars.trail)
+    found, goes_on = _looked(strip, ends, sigma, off_px)
     for _ in range(_MAX_LOOKS):
         if found is None or not goes_on:
             break
         ends = found.x_a_px, found.y_a_px, found.x_b_px, found.y_b_px
         strip = cut_out_strip(pixels, sky, ends, stars, sigma)
-        further, goes_on = _looked(strip, ends, sigma, off_px, stars.trail)
+        further, goes_on = _looked(strip, ends, sigma, off_px)
         if further is None or further.snr < found.snr:
             break
         found = further
@@ -75,7 +75,7 @@ def trace_line(
 
 
 def _looked(
-    strip: LineStrip | None, ends: Ends, sigma: float, off_px: float, trail: StarTrail | None
+    strip: LineStrip | None, ends: Ends, sigma: float, off_px: float
 ) -> tuple[LineTrace | None, bool]:
     """Trace of one look at a strip, and True where the light goes on at the strip's end."""
     if strip is None:
@@ -106,7 +106,7 @@ def _looked(
         lit[1] > count - 1 - rim and not strip.is_cut[1]
     )
     profile = profile_of(strip, course, sigma)
-    return describe_line(strip, inside, course, profile, trail), goes_on
+    return describe_line(strip, inside, course, profile), goes_on
 
 
 def _mask_bright(strip: LineStrip, inside: slice, sigma: float, off_px: float) -> None:

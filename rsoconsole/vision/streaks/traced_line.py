@@ -1,4 +1,4 @@
-"""What a traced line of light is like: ends, width, evenness, and whether it is stars in a row."""
+"""What a traced line of light is like: ends, width, evenness."""
 
 import math
 from dataclasses import dataclass
@@ -6,29 +6,25 @@ from functools import cached_property
 
 import numpy as np
 
-from rsoconsole.sky import line_angle_deg
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.median import median_of
-from rsoconsole.vision.lines.line_or_points import (
-    line_over_points_chi2,
-    line_texture,
-    surroundings_scatter_ratio,
-    trail_along_line_px,
-)
 from rsoconsole.vision.lines.line_strip import (
     INTERPOLATED_VARIANCE,
     LineProfile,
     LineStrip,
     StripLine,
 )
-from rsoconsole.vision.stars.star_list import StarTrail
+from rsoconsole.vision.lines.line_texture import (
+    line_texture,
+    surroundings_scatter_ratio,
+)
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 CLIP = 5.0
 """Largest signal to noise of a part that counts when the line is searched: a star is no line."""
 TIMES_LEVEL = 3.0
 """Brightness, over most of a line's, from which a place on it is another light."""
-_EDGE_SNR, _HIDDEN_PX = 6.0, 3.0
+_EDGE_SNR, _HIDDEN_PX, _MAX_TRIALS = 6.0, 3.0, 160
 _SMALLEST = 1e-9
 
 
@@ -53,8 +49,6 @@ class LineTrace:
     profile: LineProfile
     ends: tuple[float, float]
     """Places of both ends in the strip, px from its first column."""
-    trail: StarTrail | None
-    """The frame's trailed stars; None: they are points."""
 
     @property
     def sigma_across_px(self) -> float:
@@ -88,22 +82,6 @@ class LineTrace:
         return self._texture[1]
 
     @cached_property
-    def beyond(self) -> float:
-        """Median light beyond an end over the mean light of the line, at the brighter end."""
-        typical = float(self.profile.light[self._known].mean())
-        return _beyond(self.profile, self.ends, typical, self.is_open)
-
-    @cached_property
-    def over_points(self) -> float:
-        """Chi-square that one line explains better than a few stars in a row; for a short one."""
-        drawn_px = 0.0
-        if self.trail is not None:
-            turn = math.atan2(self.strip.dy, self.strip.dx) + math.atan(self.course.slope)
-            turn_deg = line_angle_deg(math.degrees(turn) % 180.0, self.trail.angle_deg)
-            drawn_px = trail_along_line_px(self.trail.length_px, turn_deg, self.trail.fwhm_px)
-        return line_over_points_chi2(self.profile, self.ends, self.confusion, drawn_px)
-
-    @cached_property
     def _known(self) -> BoolArray:
         return self.profile.is_known_between(*self.ends)
 
@@ -117,11 +95,10 @@ def describe_line(
     inside: slice,
     course: StripLine,
     profile: LineProfile,
-    trail: StarTrail | None,
 ) -> LineTrace | None:
     """Return the line whose lit columns are ``inside``; None where too little of it is seen.
 
-    ``course``: of the line in the strip; ``profile``: its light; ``trail``: of trailed stars.
+    ``course``: of the line in the strip; ``profile``: its light.
     """
     if np.count_nonzero(profile.is_known[inside]) < 4:
         return None
@@ -150,7 +127,6 @@ def describe_line(
         course=course,
         profile=profile,
         ends=(a, b),
-        trail=trail,
     )
 
 
@@ -175,7 +151,8 @@ def _edge(profile: LineProfile, place: float, sense: int, length: float) -> tupl
     if np.count_nonzero(used) < 5:
         return place, 0.25 * length
     u, light, weight = inner[used], profile.light[used], 1.0 / profile.error[used] ** 2
-    trial = edge + np.linspace(-reach, reach, 4 * math.ceil(reach) + 1)
+    # A step that is looked for far and wide is known no better than that.
+    trial = edge + np.linspace(-reach, reach, min(4 * math.ceil(reach), _MAX_TRIALS) + 1)
     shape = 0.5 * (1.0 + erf((u - trial[:, None]) / (math.sqrt(2.0) * sigma)))
     norm = np.maximum((shape**2) @ weight, _SMALLEST)
     height = np.maximum((shape @ (weight * light)) / norm, 0.0)
@@ -217,18 +194,3 @@ def _width(strip: LineStrip, columns: IndexArray, course: StripLine, sigma: floa
     gains = np.maximum(flat @ (weight * value), 0.0) ** 2 / np.maximum(flat**2 @ weight, _SMALLEST)
     best = float(widths[int(np.argmax(gains))])
     return FWHM_PER_SIGMA * math.sqrt(max(best**2 - INTERPOLATED_VARIANCE, 0.05))
-
-
-def _beyond(
-    profile: LineProfile, ends: tuple[float, float], typical: float, is_open: tuple[bool, bool]
-) -> float:
-    """Median light beyond the ends over the level, on the brighter side; 0: none is seen."""
-    most, reach = 0.0, 6.0 + max(0.3 * (ends[1] - ends[0]), 30.0)
-    for away, is_out in (
-        (ends[0] - profile.columns, is_open[0]),
-        (profile.columns - ends[1], is_open[1]),
-    ):
-        part = (away > 6.0) & (away < reach) & profile.is_known
-        if not is_out and np.count_nonzero(part) >= 12:
-            most = max(most, median_of(profile.light[part]) / typical)
-    return most

@@ -64,7 +64,7 @@ def _graded(pixels: npt.NDArray[Any], binning: int) -> ByteArray:
     bins = mean_of_squares(pixels.astype(np.float32), binning)
     sky = local_background(pixels)
     level = resample(sky.level, sky.cell_px // binning, *bins.shape)
-    noise = resample(sky.noise, sky.cell_px // binning, *bins.shape) / binning
+    noise = resample(sky.noise, sky.cell_px // binning, *bins.shape) / np.float32(binning)
     return to_map_bytes(block_maximum((bins - level) / noise, BLOCK // binning))
 
 

@@ -2,7 +2,7 @@
 
 ``python -m tests.bench.peers.child NAME SETTINGS_JSON``: paths of pickled frames come in, one a
 line; for each a JSON object goes out. Memory is the highest resident size of this process; one that
-asks for more than ``MAX_MEMORY_GIB`` gets an error instead, not the machine.
+asks for more than ``MAX_MEMORY_GIB`` or ``MAX_CPU_S`` gets an error instead, not the machine.
 """
 
 import contextlib
@@ -18,13 +18,15 @@ import time
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 from tests.bench.peers.roster import PEERS
 
 CORES = "2"
 MAX_MEMORY_GIB = 10
+MAX_CPU_S = 300.0
+"""Of the processor a frame: other work on the machine must not decide what is found."""
 
 
 def main() -> None:
@@ -32,12 +34,14 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_GIB << 30, resource.RLIM_INFINITY))
+    signal.signal(signal.SIGPROF, _give_up)
     find = PEERS[sys.argv[1]].open(json.loads(sys.argv[2]))
     for row in sys.stdin:
         frame = pickle.loads(Path(row.strip()).read_bytes())
         _forget_peak()
         before_mb = _peak_mb()
         began, began_cpu = time.perf_counter(), _cpu_s()
+        signal.setitimer(signal.ITIMER_PROF, MAX_CPU_S)
         try:
             candidates = find(frame)
         except Exception:
@@ -53,8 +57,14 @@ def main() -> None:
                     for c in candidates
                 ],
             }
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
         answers.write(json.dumps(answer) + "\n")
         answers.flush()
+
+
+def _give_up(_number: int, _stack: FrameType | None) -> None:
+    raise TimeoutError(f"no answer in {MAX_CPU_S:g} s of the processor")
 
 
 def _forget_peak() -> None:
@@ -79,7 +89,8 @@ class Child:
     """The parent's end of one such process; started when first needed, and after a time-out."""
 
     def __init__(self, name: str, settings: Mapping[str, Any], log: Path) -> None:
-        self._arguments = [name, json.dumps(dict(settings))]
+        module = "tests.bench.peers.child"
+        self._command = [PEERS[name].python(), "-m", module, name, json.dumps(dict(settings))]
         self._log = log
         self._process: subprocess.Popen[str] | None = None
 
@@ -115,7 +126,7 @@ class Child:
         threads = {f"{library}_NUM_THREADS": CORES for library in ("OMP", "OPENBLAS", "MKL")}
         with self._log.open("a") as log:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "tests.bench.peers.child", *self._arguments],
+                self._command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=log,
