@@ -23,7 +23,6 @@ from rsoconsole.vision import MODEL_NAME, VERIFIER_NAME
 
 HERE = Path(__file__).parent
 RUNS = HERE / "runs"
-_PRODUCT = HERE.parent / "rsoconsole"
 _LOOKING = ("rsoconsole/vision/**/*.py", "rsoconsole/simulator/**/*.py")
 _ALL: tuple[Kind, ...] = (*KINDS, "altered")
 _DRAWING = tuple(

@@ -1,5 +1,6 @@
 """The operator's word on frames already followed: what it does to the track, and its replay."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -234,6 +235,17 @@ def test_accept_takes_what_was_not_taken():
     assert say(r, "accept").ok
     (decision,) = r.memory.of(Ruling)
     assert (decision.taken.x_px, decision.taken.source) == (2.0, "operator")
+
+
+def test_accept_takes_no_stranger_where_the_track_has_taken_a_streak_below_tau(monkeypatch):
+    r = night(set(range(1, 14)))
+    r.engine.run(frames=8)
+    folds = r.engine.cycle.folds
+    taken = folds.accepted_measurement(8)
+    assert taken is not None
+    monkeypatch.setattr(folds, "accepted_measurement", lambda _: replace(taken, source="faint"))
+    assert "likeliest candidate of frame 8 already" in say(r, "accept").message
+    assert not r.memory.of(Ruling)
 
 
 def test_accept_never_takes_what_was_rejected():

@@ -379,6 +379,12 @@ def _accept(shown: FrameObservations, folds: Frames, by: str, config: Config) ->
     taken = None
     if measured:
         taken = max(measured, key=lambda m: m.confidence)
+    elif already is not None and already.source == "faint":
+        # What is left beside it is less sure still, and nobody has pointed at it.
+        raise ValueError(
+            f"the track has taken the likeliest candidate of frame {shown.taken.frame_id} already:"
+            " reject it first, or mark another streak by hand"
+        )
     elif rejected:
         # A line of light that is only below tau before what was no line at all.
         likeliest = max(
