@@ -99,8 +99,8 @@ def test_what_it_says_of_the_night_is_so(executed):
         "cloud: 3 stars where 400 were; no detection",
         "constrained by prior",
         "INTELSAT 14",
-        "1.67″",
-        "1.71″",
+        "3.16″",
+        "3.17″",
         "29 icrs arcsec2",
     ):
         assert figure in said

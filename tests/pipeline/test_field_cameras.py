@@ -132,6 +132,8 @@ def test_every_frame_is_looked_at_and_what_is_unusual_is_said():
     assert "Traceback" not in run.stderr
     answers = [json.loads(line) for line in run.stdout.splitlines()]
     told = {Path(answer["frame"]).name: answer for answer in answers}
+    # Two of these fields have a galaxy seen from its edge.
+    assert [path.name for path in stars if told[path.name]["detections"]] == []
     mosaic = told["lco_mef_raw_test_frame.fits"]
     assert (mosaic["extension"], mosaic["width"], mosaic["height"]) == ("SCI,1", 544, 522)
     assert any("SCI,2, SCI,3, SCI,4" in note for note in mosaic["notes"])

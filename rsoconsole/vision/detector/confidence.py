@@ -45,6 +45,7 @@ _FAINT_SNR = 12.0
 _LEAST, _MOST = 1e-7, 1.0 - 1e-7
 _SAME_WIDTH, _WIDTH_PER_SNR = 0.05, 1.5
 """Logarithm of width over the stars' that counts for nothing: least, and per inverse SNR."""
+_CLEARLY_WIDE, _MAX_WIDE = 0.15, 2.0
 _SAME_LINE_PX, _MAX_OFF_LINE_PX, _SAME_LINE_DEG = 2.0, 8.0, 2.0
 _CONTEXT_LONG = 4.0
 _MUCH_LONGER, _UNLIKE, _BESIDE_DEG, _BRIGHT_SNR = 2.5, 1.08, 1.5, 30.0
@@ -114,7 +115,8 @@ def confidence_features(
     - verifier: its log-odds, at most ``MAX_LOG_ODDS`` either way
     - network: the network's log-odds, at least ``MIN_LOGIT``
     - faint: logarithm of ``_FAINT_SNR`` over the signal to noise
-    - wide: logarithm of the width over the stars', drift counted, beyond what noise explains
+    - wide: logarithm of the width over the stars', drift counted, beyond what noise explains, in
+      units of ``_CLEARLY_WIDE``: a galaxy seen from its edge has 1 to 2, a streak hardly ever
     - in_line: 1 where ``MIN_IN_LINE`` other candidates are on its line (two of a slot often are)
     - parallel_unlike: 1 where a parallel one is much longer, or bright and of another length
     - blurred, drifted: logarithms of the side of joined pixels (for wide stars), and of 1 plus the
@@ -135,7 +137,7 @@ def confidence_features(
         min(max(light.log_odds, -MAX_LOG_ODDS), MAX_LOG_ODDS),
         _logit(found.confidence),
         max(0.0, math.log(_FAINT_SNR * light.confusion / snr)),
-        max(0.0, wide - leeway),
+        min(max(0.0, wide - leeway) / _CLEARLY_WIDE, _MAX_WIDE),
         float(sum(_is_in_line(found, other) for other in rest) >= MIN_IN_LINE),
         float(any(_is_parallel_unlike(found, other, unlike) for other in rest)),
         *_blur_features(focus),
