@@ -126,7 +126,9 @@ def confidence_features(
     focus = focus.at(found.x_px, found.y_px)
     snr = max(found.snr, 0.1)
     width_px = max(found.width_px, 0.1)
-    wide = math.log(width_px / max(focus.widest_streak_px(found.angle_deg), 0.1))
+    wide = 0.0
+    if not focus.is_guessed:
+        wide = math.log(width_px / max(focus.widest_streak_px(found.angle_deg), 0.1))
     leeway = _SAME_WIDTH + _WIDTH_PER_SNR / snr
     unlike = _UNLIKE if focus.joined == 1 else _UNLIKE_WHERE_JOINED
     # Drawn-out stars keep everything company.

@@ -241,6 +241,7 @@ def _focus(stars: StarList, joined: int) -> PointImage:
         joined=joined,
         trail_px=0.0 if trail is None else trail.length_px,
         trail_deg=0.0 if trail is None else trail.angle_deg,
+        is_guessed=stars.width_source == "guessed",
         psf_field=stars.psf_field,
     )
 

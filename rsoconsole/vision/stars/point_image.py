@@ -21,6 +21,8 @@ class PointImage:
     """Length to which drift has drawn the stars out, px; 0: they are points."""
     trail_deg: float = 0.0
     """Direction of the trail, deg, x towards y."""
+    is_guessed: bool = False
+    """True where no star shows the width."""
     psf_field: PsfField | None = None
     """Change of the stars' width over the frame; None where it does not change."""
 
