@@ -29,7 +29,7 @@ from models.curve_fit import (
 from models.frames import HARD, Kind
 from models.judging import FrameRow
 from models.rows import HERE, complete, folder_of
-from rsoconsole.vision import FEATURES, MODEL_NAME
+from rsoconsole.vision import FEATURES, MODEL_NAME, VERIFIER_NAME
 
 CARD = (HERE / MODEL_NAME).with_suffix(".json")
 SPLIT: dict[Kind, float] = {
@@ -104,6 +104,7 @@ def entry(rows: Sequence[FrameRow], one_in: int | None = None) -> dict[str, Any]
     ``one_in``: frames per frame with satellites in the population; None: chosen by the fit.
     """
     curve = fit_curve(gathered(rows), one_in)
+    verifier_card = json.loads((HERE / VERIFIER_NAME).with_suffix(".json").read_text("utf-8"))
     return {
         "weights": dict(zip(FEATURES, (round(float(w), 6) for w in curve.weights), strict=True)),
         "tau": TAU,
@@ -111,6 +112,7 @@ def entry(rows: Sequence[FrameRow], one_in: int | None = None) -> dict[str, Any]
             "one_frame_with_satellites_in": curve.frames_per_satellite,
             "shares_of_frames": dict(SHARES),
         },
+        "verifier_sha256": verifier_card["sha256"],
         "keeps_false_alarms": {"ordinary": curve.keeps_ordinary, "hard": curve.keeps_hard},
         "judged": judged(rows, curve),
     }

@@ -15,6 +15,11 @@ CURVE = ConfidenceCurve(tuple(1.0 if name.endswith("network") else 0.0 for name 
 TAU = 0.10
 
 
+def test_the_curve_belongs_to_the_verifier_that_is_shipped():
+    verifier = read_json(CARD.with_name("line_verifier.json"))
+    assert read_json(CARD)["measured_confidence"]["verifier_sha256"] == verifier["sha256"]
+
+
 def trail(peak_snr: float = 6.0, length_px: float = 118.0, lost: str = "") -> dict:
     return {
         "x_px": 300.0,

@@ -12,8 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+import rsoconsole as rso
 from rsoconsole.cli.words.frame_words import process_words
 from rsoconsole.config import Config
+from rsoconsole.library._given import records_table
+from rsoconsole.library._observations import META
+from rsoconsole.library.formats.night import read_exported_night
+from rsoconsole.library.measurement import SIGMAS
 from rsoconsole.night import frames_of
 from rsoconsole.pipeline import replay
 from rsoconsole.records import (
@@ -26,6 +31,7 @@ from rsoconsole.records import (
     StateChange,
     TrackState,
 )
+from rsoconsole.session import SessionWriter, encode
 from rsoconsole.sky import tan_wcs
 from rsoconsole.tracking import Field, Following, FrameInput, follow
 from rsoconsole.words import text
@@ -297,6 +303,29 @@ def test_a_track_of_faint_streaks_goes_on_with_them_and_is_replayed_from_its_rec
     begun, *_ = (r for r in log if isinstance(r, TrackState))
     assert begun.begun_with == ("1-1", "3-1")
     assert begun.begun_through == ("2-1",)
+
+
+def test_what_is_exported_has_the_faint_measurements_of_a_track(tmp_path):
+    frames = {n: record_of(n) for n in range(1, 6)}
+    writer = SessionWriter.create(tmp_path / "night", CONFIG, {})
+    for frame in replay([r for each in frames.values() for r in each], CONFIG):
+        for record in (*frames[frame.frame_id], *frame.records):
+            writer.append(record, T0_UTC_NS)
+    writer.close()
+    rows = read_exported_night(tmp_path / "night").rows
+    shown = [(row.frame_id, row.source, row.track, row.is_taken) for row in rows]
+    assert shown == [(n, "faint", 1, True) for n in frames]
+
+
+def test_a_script_follows_what_its_table_has_and_comes_to_an_end():
+    mine = [geo_measurement(n) for n in range(1, 6)]
+    frames = [[encode(r)[::2] for r in record_of(n)] for n in range(1, 6)]
+    meta = {META: {"site": None, "frames": frames}}
+    more = [dict(zip((c.name for c in SIGMAS), (0.5, 0.5, 0.0, 10.0), strict=True)) for _ in mine]
+    table = records_table("measurements", mine, meta, extra=SIGMAS, more=more)
+    tracks = rso.track(table, site=(29.0, -81.0, 10.0))
+    taken = [frame for each in tracks.values() for frame in each.measurements["frame_id"]]
+    assert taken == [m.frame_id for m in mine]
 
 
 def test_process_says_it_too():
