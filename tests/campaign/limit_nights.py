@@ -2,15 +2,15 @@
 
     python -m tests.campaign.limit_nights all --count 30 --write
 
-``faint``, ``fainter``: the demo's first night with its satellite dimmed to an integrated SNR of 8
-to 12 a frame, and of 6.5 to 8 (log-uniform). Counted is a track within eight frames of the
-satellite's first one in the field. ``empty``: 40 frames without a satellite, of four nights one
-with light that is fixed to the sensor, and two in a random world. The same command goes on where
-it was stopped.
+``faint``, ``fainter``: the demo's sky with Intelsat 14 in the field, steady, dimmed to an
+integrated SNR of 8 to 12 a frame, and of 6.5 to 8 (log-uniform). Counted is a track within eight
+frames. ``empty``: 40 frames without a satellite, of four nights one with light that is fixed to the
+sensor, and two in a random world. The same command goes on where it was stopped.
 """
 
 import math
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,24 +21,32 @@ from models.intervals import rate_interval, share_interval
 from rsoconsole.config import OpticsConfig
 from rsoconsole.orbits import Satellite
 from rsoconsole.simulator import Scene, frame_rng, scenario_named, world_from
+from rsoconsole.simulator.nights.night_plan import STANDARD_MAGNITUDE
+from rsoconsole.simulator.nights.scenarios import STEADY
 from tests.campaign import runner
 from tests.campaign.cases import Case
 from tests.campaign.rows_kept import complete, keep, parser_of, put_into_page, read
 
 SNR = {"faint": (8.0, 12.0), "fainter": (6.5, 8.0)}
 NIGHTS = (*SNR, "empty")
-WITHIN, FIRST, EMPTY_FRAMES = 8, 3, 40
-"""Frames in which a track has to begin; the first one with the satellite, by the demo's search."""
+WITHIN, EMPTY_FRAMES = 8, 40
+"""Frames in which a track has to begin; of an empty night."""
+_AT = "2023-06-23T05:30:00Z"
+_SITE = "29.19,-81.05,10"
+_ELEMENTS = "rsoconsole/simulator/data/belt_20230622.tle"
 _NS, _EXPOSURE_S, _CADENCE_S = 1_000_000_000, 10.0, 30.0
 _FIXED = "[sensor]\nglow_e_s = {glow}\ncolumn_noise_sigma = {columns}\nhot_fraction = 0.0005\n"
 
 
 def fainter_mag(seed: int, wanted: float) -> float:
-    """Magnitudes that bring the demo's satellite to an integrated SNR, by the renderer's own."""
+    """Magnitudes that bring a typical satellite to an integrated SNR, by the renderer's own."""
     scenario = scenario_named("intelsat-14")
     assert scenario.target is not None
-    target = Satellite(scenario.target.element_set, scenario.target.standard_magnitude)
-    t_utc_ns = scenario.t_start_utc_ns + round(FIRST * _CADENCE_S * _NS)
+    typical_mag = STANDARD_MAGNITUDE["GEO"]
+    target = Satellite(scenario.target.element_set, typical_mag)
+    steady = replace(scenario.target, standard_magnitude=typical_mag, brightness=STEADY)
+    scenario = replace(scenario, satellites=(steady,))
+    t_utc_ns = scenario.t_start_utc_ns + round(0.5 * WITHIN * _CADENCE_S * _NS)
     place = target.astrometric_place(scenario.site, np.array([t_utc_ns]))
     where = (float(place.ra_icrs_deg[0]), float(place.dec_icrs_deg[0]))
     mag = 0.0
@@ -60,7 +68,8 @@ def row_of(name: str, number: int) -> dict[str, Any]:
     if name in SNR:
         snr = math.exp(float(rng.uniform(*np.log(SNR[name]))))
         world = f"[satellite]\nfainter_mag = {fainter_mag(seed, snr):.4f}\n"
-        words = ("--scenario", "intelsat-14", "--frames", str(FIRST + WITHIN - 1))
+        words = ("--target", "36097", "--tle", _ELEMENTS, "--at", _AT, "--site", _SITE)
+        words += ("--frames", str(WITHIN))
     elif number % 4 == 0:
         glow, columns = rng.uniform(20.0, 100.0), rng.uniform(0.3, 1.5)
         world = _FIXED.format(glow=round(glow, 1), columns=round(columns, 2))
