@@ -38,6 +38,23 @@ def test_a_brighter_line_and_one_that_leaves_its_row_stay(snr, angle_deg):
     assert len(reject_artifacts([line(snr, angle_deg)], None, FRAME, is_striped=True)[0]) == 1
 
 
+@pytest.mark.parametrize(
+    ("x_px", "y_px", "angle_deg", "is_taken"),
+    [
+        (1599.0, 500.0, 90.0, False),
+        (700.0, 0.5, 0.0, False),
+        (1590.0, 500.0, 90.0, True),
+        (1598.0, 500.0, 84.0, True),
+    ],
+)
+def test_what_lies_along_the_frame_s_rim_is_the_sensor_s(x_px, y_px, angle_deg, is_taken):
+    found = straight_detection(
+        x_px=x_px, y_px=y_px, length_px=300.0, angle_deg=angle_deg, snr=30.0, width_px=4.0
+    )
+    taken, _ = reject_artifacts([Candidate(found=found, light=UNMEASURED)], None, FRAME)
+    assert bool(taken) == is_taken
+
+
 def beside(count: int, length_px: float = 120.0, sigma_along_px: float = 0.2) -> list[Candidate]:
     return [
         Candidate(

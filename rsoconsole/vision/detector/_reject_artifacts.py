@@ -90,7 +90,7 @@ def _reject_trailed_stars(
 def _reject_rows(
     taken: list[Detection], frame: Frame, *, is_striped: bool
 ) -> tuple[list[Detection], list[Rejection]]:
-    """Reject lines along a row or column for half of the frame, and lines saturated all along.
+    """Reject lines along a row or column for half of the frame or at its rim, and saturated ones.
 
     Where offsets of rows or columns were subtracted, also lines no brighter than their errors.
     """
@@ -103,7 +103,11 @@ def _reject_rows(
         is_long = d.length_px > _LONG_ROW * side_px and off_deg < _ALONG_ROW_DEG
         along_deg = max(_ALONG_ROW_DEG, math.degrees(_ROW_PX / max(d.length_px, 1.0)))
         is_left = is_striped and off_deg < along_deg and _ridge_snr(d) < _LEFT_OF_ROWS
-        if is_long or is_left or (off_deg < _BLOOMING_DEG and _is_saturated(frame, d)):
+        across_px, most_px = (
+            (d.y_px, frame.height_px - 1) if is_row else (d.x_px, frame.width_px - 1)
+        )
+        is_rim = off_deg < along_deg and min(across_px, most_px - across_px) < _ROW_PX
+        if is_long or is_left or is_rim or (off_deg < _BLOOMING_DEG and _is_saturated(frame, d)):
             ruled.append(Rejection(detection=d, reason=NotAStreak(kind="row or column")))
         else:
             kept.append(d)
