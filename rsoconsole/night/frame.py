@@ -21,11 +21,13 @@ from rsoconsole.records import (
     NotFollowed,
     NotSolved,
     OrbitEstimate,
+    Photometry,
     Reason,
     Record,
     Ruling,
     Solution,
     StateChange,
+    StreakLight,
     TrackState,
 )
 from rsoconsole.words import text
@@ -75,7 +77,7 @@ class FrameQuantity(NamedTuple):
     """A quantity of image or sky quality that every frame has: its name, label, unit, format."""
 
     name: str
-    """Name of its field in ``Detections`` and of its column in the session's tables."""
+    """Name of its field in ``Detections`` or ``Photometry``, and of its column in the tables."""
     label: str
     unit: str
     form: str
@@ -86,14 +88,18 @@ FRAME_FACTS = (
     FrameQuantity("star_fwhm_px", "FWHM", "px", ".1f"),
     FrameQuantity("background_adu", "background", "ADU", ".0f"),
     FrameQuantity("zero_point_mag", "transparency, zero point", "mag", ".2f"),
+    FrameQuantity("limiting_mag", "limiting magnitude", "mag", ".1f"),
     FrameQuantity("star_count", "stars", "", ".0f"),
 )
 """Quantities of image and sky quality, in the order in which they are shown."""
 
 
-def frame_quantities(seen: Detections | None) -> dict[str, float | None]:
+def frame_quantities(frame: "NightFrame") -> dict[str, float | None]:
     """Return a frame's values of ``FRAME_FACTS`` by name; None for a value that is not known."""
-    return {each.name: getattr(seen, each.name, None) for each in FRAME_FACTS}
+    seen, light = frame.detections, frame.photometry
+    return {
+        each.name: getattr(seen, each.name, getattr(light, each.name, None)) for each in FRAME_FACTS
+    }
 
 
 def median_and_range_text(fact: FrameQuantity, values: Iterable[float | None]) -> str:
@@ -170,6 +176,8 @@ class NightFrame:
     tracks: tuple[FrameTrack, ...] = ()
     not_followed: tuple[NotFollowed, ...] = ()
     misses: tuple[Miss, ...] = ()
+    photometry: Photometry | None = None
+    """Brightness of its streaks, and its zero point; None where neither is on record."""
     closeup: Closeup | None = None
     """Record of the place of its close-up at full resolution; None without a close-up."""
     decision: Ruling | None = None
@@ -212,6 +220,11 @@ class NightFrame:
         """Measurements of the frame, then that accepted by the operator, if any."""
         taken = None if self.decision is None else self.decision.taken
         return self.measurements if taken is None else (*self.measurements, taken)
+
+    def light_of(self, measurement_id: str | None) -> StreakLight | None:
+        """Return the brightness of a measurement's streak; None where it was not measured."""
+        streaks = () if self.photometry is None else self.photometry.streaks
+        return next((s for s in streaks if s.measurement_id == measurement_id), None)
 
     @property
     def lead_measured(self) -> Measurement | None:
@@ -343,7 +356,7 @@ def frame_row(frame: NightFrame) -> FrameRow:
         mount_icrs_deg=None if taken is None else mount_icrs_deg(taken),
         was_sought=not is_elsewhere and frame.state_before not in UNSOUGHT,
         settings=frame.settings,
-        facts=frame_quantities(seen),
+        facts=frame_quantities(frame),
         is_solved=None if plate is None else isinstance(plate, Solution),
         is_cloudy=any(each.kind in CLOUD for each in hidden_by),
     )

@@ -23,6 +23,7 @@ from rsoconsole.records import (
     OperatorAction,
     OrbitEstimate,
     ParameterChange,
+    Photometry,
     Record,
     Ruling,
     Solution,
@@ -127,8 +128,9 @@ class NightFrames:
                 self._change(record.frame_id, solution=record)
             case Measurement():
                 self._measurement(record)
-            case Closeup():
-                self._change(record.frame_id, closeup=record)
+            case Photometry() | Closeup():
+                name = "closeup" if isinstance(record, Closeup) else "photometry"
+                self._change(record.frame_id, **{name: record})
             case TrackState():
                 self._expect(record.frame_id)
                 self._track_state(record)

@@ -32,6 +32,10 @@ from .leaps import LeapDone as LeapDone
 from .leaps import LeapOrder as LeapOrder
 from .leaps import LeapResult as LeapResult
 from .leaps import LowPass as LowPass
+from .photometry import Band as Band
+from .photometry import LightStep as LightStep
+from .photometry import Photometry as Photometry
+from .photometry import StreakLight as StreakLight
 from .reasons import ACCEPTED as ACCEPTED
 from .reasons import CLOUD as CLOUD
 from .reasons import DONE as DONE

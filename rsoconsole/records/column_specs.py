@@ -241,7 +241,6 @@ star_count integer stars found, up to a few hundred
 star_fwhm_px real median full width of the stars at half their height
 star_flux_adu real of a middling one of the brightest stars
 background_adu real median of the sky in a pixel, and the camera's offset without a dark
-zero_point_mag real magnitude of a star that would give 1 ADU a second
 """
 
 OF_LEAP = """
@@ -295,4 +294,29 @@ t_next_rise_utc_ns integer when it comes again
 sigma_next_s real of that
 sigma_next_across_deg real of where it then is
 scatter_s real of the shutter, as calibrated or as the streaks told
+"""
+
+OF_PHOTOMETRY = """
+zero_point_mag real magnitude of a star of the Sun's colour that would give 1 ADU a second
+zero_point_sigma_mag real one sigma of that
+zero_point_stars integer catalogue stars it comes from
+zero_point_scatter_mag real scatter of those stars about it
+colour_term real change of the zero point per magnitude of B - V
+colour_term_sigma real one sigma of that
+limiting_mag real magnitude of a star with a signal to noise of 5
+"""
+
+OF_MAGNITUDE = """
+measurement_id text the measurement with the same light
+flux_adu real light of the whole streak above sky and stars, ADU
+flux_sigma_adu real one sigma of that
+rate_adu_s real light by the time in the frame, ADU a second
+rate_sigma_adu_s real one sigma of that
+band text V, or instrumental: 0 mag is 1 ADU a second
+mag real apparent magnitude
+mag_sigma real one sigma of that by noise and zero point
+mag_sigma_colour real one sigma by the object's unknown colour
+is_saturated truth pixels of the streak are saturated: it is brighter
+is_blended truth stars on it had more than a tenth of its light
+steps json light in short steps from end a: t_s, rate_adu_s, rate_sigma_adu_s
 """

@@ -23,12 +23,14 @@ from rsoconsole.records.column_specs import (
     OF_FRAME,
     OF_LEAP,
     OF_LOW_PASS,
+    OF_MAGNITUDE,
     OF_MEASUREMENT,
     OF_MISS,
     OF_NAME,
     OF_NOT_FOLLOWED,
     OF_ORBIT,
     OF_PAIR,
+    OF_PHOTOMETRY,
     OF_QUALITY,
     OF_SLEW,
     OF_SOLUTION,
@@ -37,6 +39,7 @@ from rsoconsole.records.column_specs import (
 from rsoconsole.records.field import ExpectedMembers, PairMotions
 from rsoconsole.records.frames import Detections, NotSolved, Solution
 from rsoconsole.records.leaps import LeapDone, LowPass
+from rsoconsole.records.photometry import Photometry
 from rsoconsole.records.steps import (
     CycleTiming,
     Event,
@@ -277,6 +280,19 @@ _ABOUT: tuple[Table, ...] = (
         kind=LowPass,
         row="a pass that was followed by leaps, with its orbit",
         own=parse_columns(OF_LOW_PASS),
+    ),
+    Table(
+        name="photometry",
+        kind=Photometry,
+        row="a frame's zero point and limiting magnitude",
+        own=parse_columns(OF_PHOTOMETRY),
+    ),
+    Table(
+        name="magnitudes",
+        kind=Photometry,
+        parts="streaks",
+        row="the brightness of a streak",
+        own=parse_columns(OF_MAGNITUDE),
     ),
     Table(
         name="states",

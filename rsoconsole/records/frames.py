@@ -177,8 +177,6 @@ class Detections:
     """Median flux of the 20th to 60th brightest stars, ADU; None: too few to compare."""
     background_adu: float | None = None
     """Median sky light of a pixel, ADU, with the offset if no dark was used; None: unmeasured."""
-    zero_point_mag: float | None = None
-    """Magnitude that gives 1 ADU a second; None: no plate solution, or too few catalogued stars."""
     stage_ms: Mapping[str, float] = field(default_factory=dict)
 
 

@@ -22,6 +22,7 @@ from rsoconsole.records.frames import (
     middle_utc_ns,
 )
 from rsoconsole.records.leaps import LeapDone, LowPass
+from rsoconsole.records.photometry import Photometry
 from rsoconsole.records.reasons import Cause, CommandResult, Missed, NotTaken, SlewRefusal
 
 Source = Literal["network", "faint", "operator"]
@@ -408,6 +409,7 @@ Record: TypeAlias = (
     | ExpectedMembers
     | LeapDone
     | LowPass
+    | Photometry
     | Event
 )
 """Every record of a session's log."""
@@ -418,5 +420,7 @@ FoldRecord: TypeAlias = TrackState | NotFollowed | Miss | StateChange
 """Records that the fold over the frames makes."""
 OrbitRecord: TypeAlias = OrbitEstimate | Identified | PairMotions | ExpectedMembers
 """Records made of the tracks outside the fold."""
-BesideRecord: TypeAlias = SlewCommand | LeapDone | LowPass | OperatorAction | Closeup | Event
+BesideRecord: TypeAlias = (
+    SlewCommand | LeapDone | LowPass | OperatorAction | Closeup | Photometry | Event
+)
 """All other records made outside the fold."""

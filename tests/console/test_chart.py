@@ -40,7 +40,7 @@ from rsoconsole.console.picture.picture import (
     draw_field,
 )
 from rsoconsole.night import FrameTrack, NightFrame
-from rsoconsole.records import ChartStar, Detections, FrameTaken
+from rsoconsole.records import ChartStar, Detections, FrameTaken, Photometry
 from rsoconsole.session.files.frame_encoding import MAX_STARS, decode_preview_stars, encode_preview
 from tests.console.test_console_picture import HIGH, WIDE, picture_of, solution, track
 
@@ -150,8 +150,7 @@ def test_the_sizes_of_stars_stay_four_in_ascii():
 def test_the_legend_says_from_which_magnitude_on_a_star_has_its_size():
     picture = charted()
     detail = picture.detail
-    assert detail.detections is not None
-    seen = replace(detail.detections, zero_point_mag=22.0)
+    light = Photometry(frame_id=1, zero_point_mag=22.0)
     taken = FrameTaken(
         frame_id=1,
         name="",
@@ -162,7 +161,7 @@ def test_the_legend_says_from_which_magnitude_on_a_star_has_its_size():
         pointing_ra_icrs_deg=None,
         pointing_dec_icrs_deg=None,
     )
-    picture = replace(picture, detail=replace(detail, detections=seen, taken=taken))
+    picture = replace(picture, detail=replace(detail, photometry=light, taken=taken))
     window, cells = written(picture, 51, 19)
     lines = chart_legend(picture, window, 20)
     words = [line.split() for line in lines]

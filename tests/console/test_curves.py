@@ -43,23 +43,25 @@ def words(lines: list[Line]) -> str:
     return "\n".join("".join(text for text, _ in line) for line in lines)
 
 
-def test_the_four_curves_have_their_unit_their_span_and_one_axis_of_time():
+def test_the_five_curves_have_their_unit_their_span_and_one_axis_of_time():
     rows = [
         row(
             n,
             star_fwhm_px=2.5 + n / 100,
             background_adu=1000.0 + n,
             zero_point_mag=21.5 - n / 50,
+            limiting_mag=14.0 - n / 50,
             star_count=100 + n,
         )
         for n in range(1, 41)
     ]
-    said = words(image_quality_lines(rows, 60, 17))
-    assert len(said.splitlines()) == 17
+    said = words(image_quality_lines(rows, 60, 16))
+    assert len(said.splitlines()) == 16
     assert "FWHM 2.9 px" in said
     assert "2.5 to 2.9" in said
     assert "background 1040 ADU" in said
     assert "zero point 20.70 mag" in said
+    assert "limiting magnitude 13.2 mag" in said
     assert "stars 140" in said
     assert "╵05:30" in said.splitlines()[-1]
 

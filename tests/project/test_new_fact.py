@@ -10,21 +10,21 @@ EXAMPLE = {
     "rsoconsole/records/frames.py": [
         (
             """
-    zero_point_mag: float | None = None
+    background_adu: float | None = None
 """,
             """
     moon_glow_adu: float | None = None
-    zero_point_mag: float | None = None
+    background_adu: float | None = None
 """,
         )
     ],
     "rsoconsole/records/column_specs.py": [
         (
             """
-zero_point_mag real magnitude of a star that would give 1 ADU a second
+background_adu real median of the sky in a pixel, and the camera's offset without a dark
 """,
             """
-zero_point_mag real magnitude of a star that would give 1 ADU a second
+background_adu real median of the sky in a pixel, and the camera's offset without a dark
 moon_glow_adu real of the sky's light what the Moon gives
 """,
         )

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rsoconsole.records import TABLES, PairMotion, Rejection, Table, UnseenMember
+from rsoconsole.records import TABLES, PairMotion, Rejection, StreakLight, Table, UnseenMember
 from rsoconsole.records.columns import HEAD, tables_markdown
 
 ALL = list(TABLES.values())
@@ -27,6 +27,7 @@ def _members_of_a_part(table: Table) -> set[str]:
         "rejected": Rejection,
         "pairs": PairMotion,
         "unseen": UnseenMember,
+        "streaks": StreakLight,
     }
     part = of_parts.get(table.parts)
     return set() if part is None else set(part.__dataclass_fields__)

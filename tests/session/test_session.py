@@ -32,6 +32,7 @@ from rsoconsole.records import (
     Frame,
     FrameTaken,
     LedgerName,
+    LightStep,
     Measurement,
     Miss,
     Missed,
@@ -42,11 +43,13 @@ from rsoconsole.records import (
     NotTaken,
     OperatorAction,
     ParameterChange,
+    Photometry,
     Rejection,
     Ruling,
     SlewCommand,
     Solution,
     StateChange,
+    StreakLight,
     TrackState,
     Wcs,
 )
@@ -136,7 +139,27 @@ NIGHT = (
         star_fwhm_px=2.75,
         background_adu=410.5,
         star_flux_adu=5200.0,
+    ),
+    Photometry(
+        frame_id=1,
         zero_point_mag=21.25,
+        zero_point_sigma_mag=0.02,
+        zero_point_stars=31,
+        limiting_mag=14.5,
+        streaks=(
+            StreakLight(
+                measurement_id="1-0",
+                flux_adu=9000.0,
+                flux_sigma_adu=90.0,
+                rate_adu_s=900.0,
+                rate_sigma_adu_s=9.0,
+                band="V",
+                mag=13.8,
+                mag_sigma=0.03,
+                mag_sigma_colour=0.01,
+                steps=(LightStep(t_s=-4.5, rate_adu_s=880.0, rate_sigma_adu_s=40.0),),
+            ),
+        ),
     ),
     Solution(
         frame_id=1,
@@ -311,8 +334,10 @@ def test_the_views_spread_every_record_into_columns(writer: SessionWriter, folde
         "modulation_period_s": 0.125,
         "train": 3,
     }
-    (quality,) = (r for r in rows.values() if r and "zero_point_mag" in r[0])
-    assert (quality[0]["star_count"], quality[0]["zero_point_mag"]) == (212, 21.25)
+    assert rows["image_quality"][0]["star_count"] == 212
+    assert rows["photometry"][0]["zero_point_mag"] == 21.25
+    assert rows["magnitudes"][0]["mag"] == 13.8
+    assert json.loads(rows["magnitudes"][0]["steps"])[0]["t_s"] == -4.5
     assert rows["measurements"][0]["t_mid_utc_ns"] == T0_UTC_NS + 5
     assert rows["measurements"][0]["cov_en_arcsec2"] == 0.25
     assert rows["track"][0]["step"] == "updated"

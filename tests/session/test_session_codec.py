@@ -76,9 +76,10 @@ def test_every_record_comes_back_as_it_was_to_the_last_bit(kind: str) -> None:
 def test_every_record_of_the_loop_can_be_recorded() -> None:
     parts_of_others = {"Site", "Frame", "Detection", "Rejection", "Wcs", "CatalogueMatch"}
     parts_of_others |= {"CameraMode", "Mixture", "LedgerName", "PairMotion", "UnseenMember"}
+    parts_of_others |= {"StreakLight", "LightStep"}
     all_records = {
         name
-        for module in (steps, frames, field, leaps)
+        for module in (steps, frames, field, leaps, photometry)
         for name, thing in vars(module).items()
         if dataclasses.is_dataclass(thing) and thing.__module__ == module.__name__
     }

@@ -75,8 +75,8 @@ def chart_legend(picture: Picture, window: Window, columns: int) -> list[str]:
     Empty where there are fewer than ``LEGEND_COLUMNS`` columns or the zero point is not known.
     """
     stars = charted_stars(picture, window)
-    seen, taken = picture.detail.detections, picture.detail.taken
-    zero_point = None if seen is None else seen.zero_point_mag
+    light, taken = picture.detail.photometry, picture.detail.taken
+    zero_point = None if light is None else light.zero_point_mag
     exposure_s = None if taken is None else taken.exposure_s
     if columns < LEGEND_COLUMNS or not stars or zero_point is None or not exposure_s:
         return []

@@ -84,7 +84,7 @@ class MeasuredRow:
 
 _RECORDED = {
     column.name: column
-    for name in ("image_quality", "frames", "measurements")
+    for name in ("image_quality", "photometry", "frames", "measurements")
     for column in TABLES[name].columns
 }
 
@@ -159,7 +159,7 @@ def make_measured_row(
         **_corrected(corrected, nis),
         beside=(
             *((column.name, column_value(measurement, column)) for column in _BESIDE),
-            *frame_quantities(frame.detections).items(),
+            *frame_quantities(frame).items(),
         ),
     )
 

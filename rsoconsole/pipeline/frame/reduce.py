@@ -1,21 +1,13 @@
 """One frame to measurements: detect, solve, measure. The engine and every replay run this."""
 
-import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from rsoconsole.base import RsoconsoleError
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver
-from rsoconsole.pipeline.comparison.fixed_light import (
-    FrameComparison,
-    RecordedComparison,
-    catalogue_stars,
-)
+from rsoconsole.pipeline.comparison.fixed_light import FrameComparison, RecordedComparison
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measure_detections
@@ -31,14 +23,12 @@ from rsoconsole.records import (
     Solution,
 )
 from rsoconsole.vision import (
-    MIN_MATCHED,
     ConfidenceCurve,
     Network,
     Proposer,
     PsfMemory,
     StarList,
     StreakDetector,
-    match_stars,
     median_of,
 )
 from rsoconsole.words import text
@@ -50,47 +40,6 @@ class Glance:
 
     detections: Detections
     solution: Solution
-
-
-log = logging.getLogger(__name__)
-
-_BRIGHTEST, _MAX_STARS = slice(80), 600
-
-
-class ZeroPointFinder:
-    """Finds the zero point of solved frames from their stars and the catalogue's magnitudes."""
-
-    def __init__(self) -> None:
-        self._is_broken = False
-
-    def zero_point_mag(
-        self, frame: Frame, stars: StarList, solution: Solution | NotSolved | None
-    ) -> float | None:
-        """Return the magnitude of a star that gives 1 ADU a second, the median over matched stars.
-
-        The catalogue's band is not the camera's: compare nights and hours of one camera alone. None
-        without a plate solution or exposure, for trailed stars, and where fewer than
-        ``MIN_MATCHED`` unsaturated stars are in the catalogue.
-        """
-        is_unusable = self._is_broken or stars.trail is not None
-        if is_unusable or not isinstance(solution, Solution) or not frame.exposure_s:
-            return None
-        try:
-            known = catalogue_stars(frame, solution, _MAX_STARS)
-        except RsoconsoleError as error:
-            log.warning("no zero points: %s", error)
-            self._is_broken = True
-            return None
-        if known is None:
-            return None
-        places, magnitude = known
-        bright = np.flatnonzero(~stars.is_saturated & (stars.flux > 0.0))[_BRIGHTEST]
-        mine_px = np.stack([stars.x_px, stars.y_px], axis=1)[bright]
-        mine, theirs = match_stars(mine_px, places, max(stars.median_fwhm_px, 2.0))
-        if len(mine) < MIN_MATCHED:
-            return None
-        rate_adu_s = stars.flux[bright][mine] / frame.exposure_s
-        return median_of(magnitude[theirs] + 2.5 * np.log10(rate_adu_s))
 
 
 BRIGHTEST_STARS = slice(20, 60)
@@ -141,7 +90,6 @@ class FrameReducer:
         self._glancer = StreakDetector(network, config.detector, curve, is_quick=True)
         self._plate = plate
         self._comparison = comparison or FrameComparison()
-        self._zero_point = ZeroPointFinder()
         self._config = config
         self._calibration = calibration or Calibration(config)
 
@@ -217,7 +165,6 @@ class FrameReducer:
                 star_fwhm_px=fwhm_px,
                 star_flux_adu=typical_flux_adu(analysis.stars),
                 background_adu=median_of(analysis.background.level),
-                zero_point_mag=self._zero_point.zero_point_mag(even, analysis.stars, solution),
             ),
             solution=solution,
             measurements=measurements,

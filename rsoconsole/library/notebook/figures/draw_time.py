@@ -162,7 +162,7 @@ def draw_quality(figure: Any, night: DrawnNight) -> None:
         points = [
             (night.seconds_since_start(frame), value)
             for frame in night.frames
-            if (value := frame_quantities(frame.detections)[fact.name]) is not None
+            if (value := frame_quantities(frame)[fact.name]) is not None
         ]
         if points:
             axis.plot(*zip(*points, strict=True), ".-", color=BOUND["color"], linewidth=0.9)

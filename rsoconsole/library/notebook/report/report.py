@@ -377,7 +377,7 @@ def _shutter(exported: ExportedNight) -> str:
 
 def _quality(night: DrawnNight) -> Iterator[tuple[str, str]]:
     """Image and sky quality of the night's frames."""
-    facts = [frame_quantities(frame.detections) for frame in night.frames]
+    facts = [frame_quantities(frame) for frame in night.frames]
     for fact in FRAME_FACTS:
         if said := median_and_range_text(fact, [each[fact.name] for each in facts]):
             yield f"{fact.label[0].upper()}{fact.label[1:]}", said
