@@ -145,6 +145,9 @@ NIGHT = (
         zero_point_mag=21.25,
         zero_point_sigma_mag=0.02,
         zero_point_stars=31,
+        zero_point_scatter_mag=0.03,
+        colour_term=0.1,
+        colour_term_sigma=0.02,
         limiting_mag=14.5,
         streaks=(
             StreakLight(

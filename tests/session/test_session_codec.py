@@ -26,6 +26,7 @@ from rsoconsole.records import (
     field,
     frames,
     leaps,
+    photometry,
     steps,
 )
 from rsoconsole.session import decode, encode
