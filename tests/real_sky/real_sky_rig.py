@@ -115,7 +115,7 @@ def _stars(ra_deg: float, dec_deg: float) -> StarCatalogue:
     ]
     # The pieces overlap in whole cells: a star is one row, however often it is told.
     rows = np.unique(np.stack(columns, -1), axis=0)
-    return catalogue_of(Stars(*rows.T), known.dec_min_deg, known.dec_max_deg)
+    return catalogue_of(Stars.without_colour(*rows.T), known.dec_min_deg, known.dec_max_deg)
 
 
 def config_of(sky: Sky, wanted: dict[str, Any], folder: Path) -> Config:

@@ -7,7 +7,15 @@ import pytest
 
 from models.star_catalogue import catalogue_of, read_index, save
 from rsoconsole.base import SolverError, resource_path
-from rsoconsole.sky import StarCatalogue, Stars, separation_deg
+from rsoconsole.sky import (
+    JOHNSON_MAX_COLOUR_MAG,
+    JOHNSON_MIN_COLOUR_MAG,
+    StarCatalogue,
+    Stars,
+    johnson_b_minus_v_mag,
+    johnson_v_mag,
+    separation_deg,
+)
 
 INDEX_08 = Path("/usr/share/astrometry/index-tycho2-08.littleendian.fits")
 
@@ -71,8 +79,7 @@ def test_outside_the_cut_there_is_nothing(catalogue):
 
 def test_a_pole_can_be_asked_for():
     ra = np.arange(0.0, 360.0, 30.0)
-    rest = np.zeros(12)
-    polar = catalogue_of(Stars(ra, np.full(12, 89.5), np.full(12, 8.0), rest, rest))
+    polar = catalogue_of(Stars.without_proper_motion(ra, np.full(12, 89.5), np.full(12, 8.0)))
     assert len(polar.cone(15.0, 89.9, 1.0)) == 12
 
 
@@ -82,7 +89,9 @@ def test_saving_keeps_positions_to_a_milliarcsecond(tmp_path):
     ra = np.append(rng.uniform(0, 360, 499), 360.0 - 1e-9)
     pm_ra, pm_dec = rng.uniform(-10_400, 10_400, (2, 500))
     magnitude = rng.uniform(0, 13, 500)
-    original = catalogue_of(Stars(ra, dec, magnitude, pm_ra, pm_dec))
+    colour, sigma = rng.uniform(-1, 4, 500), rng.uniform(0, 2, 500)
+    colour[:40], sigma[20:60] = np.nan, np.nan
+    original = catalogue_of(Stars(ra, dec, magnitude, pm_ra, pm_dec, colour, sigma))
     save(original, tmp_path / "stars.npz")
     again = StarCatalogue.load(tmp_path / "stars.npz")
     off = separation_deg(ra, dec, again.ra_icrs_deg, again.dec_icrs_deg)
@@ -92,6 +101,55 @@ def test_saving_keeps_positions_to_a_milliarcsecond(tmp_path):
     assert again.pm_ra_mas_yr == pytest.approx(pm_ra, abs=0.501)
     assert again.pm_dec_mas_yr == pytest.approx(pm_dec, abs=0.501)
     assert again.ra_icrs_deg.max() < 360.0
+    assert again.colour_mag == pytest.approx(colour, abs=0.000_501, nan_ok=True)
+    assert again.sigma_mag == pytest.approx(sigma, abs=0.005_01, nan_ok=True)
+
+
+# Bright Star Catalogue, 5th ed. (Hoffleit and Warren 1991): V and B - V.
+@pytest.mark.parametrize(
+    ("name", "place_deg", "v_mag", "b_minus_v_mag"),
+    [
+        ("Sadalmelik", (331.445983, -0.319849), 2.96, 0.98),
+        ("epsilon Eridani", (53.232685, -9.458263), 3.73, 0.88),
+        ("Alphard", (141.896847, -8.658602), 1.98, 1.44),
+        ("iota Piscium", (354.987672, 5.626291), 4.13, 0.51),
+    ],
+)
+def test_johnson_magnitudes_are_those_of_the_bright_star_catalogue(
+    catalogue, name, place_deg, v_mag, b_minus_v_mag
+):
+    of_linear_relations = 0.06
+    star = catalogue.cone(*place_deg, 20 / 3600)
+    v = johnson_v_mag(star.magnitude, star.colour_mag)
+    assert v[0] == pytest.approx(v_mag, abs=of_linear_relations), name
+    assert johnson_b_minus_v_mag(star.colour_mag)[0] == pytest.approx(
+        b_minus_v_mag, abs=of_linear_relations
+    )
+
+
+def test_colours_are_known_but_for_one_star_in_five_hundred(catalogue):
+    assert np.mean(np.isnan(catalogue.colour_mag)) < 0.002
+    bright = catalogue.magnitude < 9.0
+    assert np.nanmedian(catalogue.sigma_mag[bright]) < 0.02
+    assert 0.1 < np.nanmedian(catalogue.sigma_mag[catalogue.magnitude > 11.0]) < 0.2
+    colours = catalogue.colour_mag[~np.isnan(catalogue.colour_mag)]
+    assert 0.6 < np.median(colours) < 0.9
+    is_johnson = (JOHNSON_MIN_COLOUR_MAG < colours) & (colours < JOHNSON_MAX_COLOUR_MAG)
+    assert 0.9 < np.mean(is_johnson) < 0.96
+
+
+def test_stars_without_a_colour_say_that_it_is_unknown(catalogue):
+    procyon = catalogue.cone(114.8255, 5.225, 20 / 3600)
+    assert np.isnan(procyon.colour_mag[0])
+    made_up = Stars.without_proper_motion(np.ones(2), np.ones(2), np.ones(2))
+    assert np.all(np.isnan(made_up.colour_mag))
+    assert np.all(np.isnan(catalogue_of(made_up).cone(1.0, 1.0, 1.0).sigma_mag))
+
+
+def test_an_error_beyond_the_scale_stands_at_its_end():
+    one = np.ones(1)
+    kept = catalogue_of(Stars(one, one, one, one, one, one, 4.2 * one))
+    assert kept.sigma_mag.tolist() == [pytest.approx(2.54)]
 
 
 def test_the_notice_travels_with_the_stars():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.star_catalogue import catalogue_of, matched, read_places
+from models.star_catalogue import Rows, catalogue_of, matched, read_rows
 from rsoconsole.base import SolverError
 from rsoconsole.records import FloatArray
 from rsoconsole.simulator.sky.star_background import star_positions_at
@@ -152,8 +152,9 @@ def test_the_stars_of_a_frame_of_2017_stand_where_2017_has_them(name):
     assert abs(-curve[1] / (2 * curve[2])) < six_years
 
 
-def rows_of(*lines: str) -> bytes:
-    return b"".join(line.encode("ascii").ljust(206) + b"\r\n"[:1] for line in lines)
+def row_of(start: str, width: int, at_byte: int, photometry: str) -> bytes:
+    """A row with its photometry from a byte (1-based) on."""
+    return (start.ljust(at_byte - 1) + photometry).ljust(width).encode("ascii")
 
 
 FIRST_LINES = (
@@ -161,27 +162,54 @@ FIRST_LINES = (
     "0001 00016 1|X|            |            |       |       |   |   |    |    |       |       ",
 )
 """How rows of tyc2.dat begin; the second star has no mean place."""
+PHOTOMETRY = ("12.146|0.158|12.146|0.223|", "12.528|0.262|      |     |")
 
 
 def test_rows_of_the_catalogue_are_read_and_blanks_stay_blank(tmp_path):
     path = tmp_path / "tyc2.dat.00"
-    path.write_bytes(rows_of(*FIRST_LINES))
-    ra, dec, pm_ra, pm_dec = read_places(path, 207)
-    assert (ra[0], dec[0], pm_ra[0], pm_dec[0]) == (2.31750494, 2.23184345, -16.3, -9.0)
-    assert all(np.isnan(column[1]) for column in (ra, dec, pm_ra, pm_dec))
+    lines = zip(FIRST_LINES, PHOTOMETRY, strict=True)
+    path.write_bytes(b"".join(row_of(start, 207, 111, light) for start, light in lines))
+    rows = read_rows(path, 207)
+    assert [each[0] for each in rows[:4]] == [2.31750494, 2.23184345, -16.3, -9.0]
+    assert [each[0] for each in rows[4:]] == [12.146, 12.146, 0.223]
+    assert rows.bt_mag[1] == 12.528
+    assert all(np.isnan(column[1]) for column in (*rows[:4], *rows[5:]))
     with pytest.raises(SolverError, match="rows have 123 bytes"):
-        read_places(path, 123)
+        read_rows(path, 123)
+
+
+def test_rows_of_the_supplement_have_their_magnitudes_elsewhere(tmp_path):
+    path = tmp_path / "suppl_1.dat"
+    start = "0002 01107 1|T|  1.50000000|  2.50000000|  -16.3|   -9.0"
+    path.write_bytes(row_of(start, 123, 84, "12.360|0.291|11.502|0.277|"))
+    rows = read_rows(path, 123)
+    assert [each[0] for each in rows[:2]] == [1.5, 2.5]
+    assert [each[0] for each in rows[4:]] == [12.360, 11.502, 0.277]
+
+
+def rows_of(ra: FloatArray, vt_mag: FloatArray, colour_mag: FloatArray) -> Rows:
+    motions = (np.array([5.0, np.nan]), np.array([-7.0, np.nan]))
+    return Rows(ra, np.zeros(2), *motions, vt_mag + colour_mag, vt_mag, np.array([0.1, 0.2]))
 
 
 def test_an_index_entry_that_is_no_star_is_left_out():
-    ra: FloatArray = np.array([10.0, 20.0])
-    places = (ra, np.zeros(2), np.array([5.0, np.nan]), np.array([-7.0, np.nan]))
+    rows = rows_of(np.array([10.0, 20.0]), np.array([9.0, 11.0]), np.array([0.5, np.nan]))
     in_single_precision = np.array([10.00001, 0.0, 20.0])
     chosen = (in_single_precision, np.zeros(3), np.array([9.0, 10.0, 11.0]))
-    stars = matched(chosen, (places, places))
+    stars = matched(chosen, (rows, rows))
     assert stars.ra_icrs_deg.tolist() == [10.0, 20.0]
     assert stars.magnitude.tolist() == [9.0, 11.0]
     assert stars.pm_ra_mas_yr.tolist() == [5.0, 0.0]
+    assert stars.colour_mag == pytest.approx([0.5, np.nan], nan_ok=True)
+    assert stars.sigma_mag.tolist() == [0.1, 0.2]
+
+
+def test_components_at_one_place_have_their_own_colours():
+    rows = rows_of(np.array([10.0, 10.0]), np.array([9.0, 11.0]), np.array([0.5, 1.5]))
+    chosen = (np.full(3, 10.0), np.zeros(3), np.array([11.0, 9.0, 10.0]))
+    stars = matched(chosen, (rows, rows))
+    assert stars.colour_mag == pytest.approx([1.5, 0.5, np.nan], nan_ok=True)
+    assert stars.sigma_mag == pytest.approx([0.2, 0.1, np.nan], nan_ok=True)
 
 
 def test_a_plate_refers_to_the_day_of_its_frame():
@@ -192,7 +220,9 @@ def test_a_plate_refers_to_the_day_of_its_frame():
     rows = belt_stars(wcs, false_stars=0)
     real = StarCatalogue.load().cone(40.0, 2.0, 1.1)
     drift = np.full(len(real), 1000.0)
-    drifting = Stars(real.ra_icrs_deg, real.dec_icrs_deg, real.magnitude, drift, -drift)
+    drifting = Stars.without_colour(
+        real.ra_icrs_deg, real.dec_icrs_deg, real.magnitude, drift, -drift
+    )
     then = catalogue_of(drifting).cone(40.0, 2.0, 1.2, epoch_jyear=julian_year(NOW_NS))
     places = np.stack([then.ra_icrs_deg, then.dec_icrs_deg], axis=1)
     fit = refit(rows[:, :2], places, wcs, **SIZE)

@@ -1,4 +1,4 @@
-"""Stars of the Tycho-2 catalogue: positions at an epoch, and magnitudes.
+"""Stars of the Tycho-2 catalogue: positions at an epoch, magnitudes and colours.
 
 The shipped stars reach VT about 12.5. Those near the geostationary belt, |dec| <= 12 deg, are in a
 file of their own, because most telescopes here need no others. Positions are ICRS at J2000.0;
@@ -25,8 +25,24 @@ RA_STEP_DEG = 360.0 / 2**32
 """Unit of stored right ascensions, deg (0.3 mas)."""
 DEC_STEP_DEG = 1e-7
 MAG_STEP = 1e-3
+SIGMA_MAG_STEP = 1e-2
+NO_COLOUR = -(2**15)
+"""Stored for a star without BT or without VT."""
+NO_SIGMA = 2**8 - 1
+"""Stored for a star whose magnitude has no error in the catalogue."""
 _SHIPPED = ("sky", "data", "tycho2_belt.npz")
 _SHIPPED_REST = ("sky", "data", "tycho2_rest.npz")
+
+_COLUMNS: dict[str, tuple[str, type[np.generic]]] = {
+    "ra_counts": ("ra", np.uint32),
+    "dec_counts": ("dec_steps", np.int32),
+    "mmag": ("mmag", np.int16),
+    "pm_ra_mas_yr": ("pm_ra", np.int16),
+    "pm_dec_mas_yr": ("pm_dec", np.int16),
+    "colour_mmag": ("colour_mmag", np.int16),
+    "sigma_counts": ("sigma", np.uint8),
+}
+"""Columns of a catalogue: their names and types in the file (declinations as differences)."""
 
 IndexArray = npt.NDArray[np.int64]
 
@@ -42,14 +58,35 @@ class Stars:
     pm_ra_mas_yr: FloatArray
     """Proper motion in RA times cos(dec); 0 where the catalogue has none."""
     pm_dec_mas_yr: FloatArray
+    colour_mag: FloatArray
+    """BT - VT; NaN where the catalogue lacks one of them."""
+    sigma_mag: FloatArray
+    """Standard error of VT in the catalogue; NaN where unknown."""
+
+    @classmethod
+    def without_colour(
+        cls,
+        ra_icrs_deg: FloatArray,
+        dec_icrs_deg: FloatArray,
+        magnitude: FloatArray,
+        pm_ra_mas_yr: FloatArray,
+        pm_dec_mas_yr: FloatArray,
+    ) -> "Stars":
+        """Return stars whose colour and error of magnitude are unknown (NaN)."""
+        unknown = np.full(len(magnitude), np.nan)
+        motions = (pm_ra_mas_yr, pm_dec_mas_yr)
+        return cls(ra_icrs_deg, dec_icrs_deg, magnitude, *motions, unknown, unknown)
 
     @classmethod
     def without_proper_motion(
         cls, ra_icrs_deg: FloatArray, dec_icrs_deg: FloatArray, magnitude: FloatArray
     ) -> "Stars":
-        """Return stars with a proper motion of zero, because they have none or it is unknown."""
+        """Return stars with a proper motion of zero, because they have none or it is unknown.
+
+        Their colour and error of magnitude are unknown (NaN).
+        """
         still = np.zeros(len(magnitude))
-        return cls(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
+        return cls.without_colour(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
 
     def __len__(self) -> int:
         """Number of stars."""
@@ -60,7 +97,7 @@ class Stars:
 class StarCatalogue:
     """Stars in order of declination, complete between two declinations.
 
-    The columns are the integers of the file, 14 bytes a star.
+    The columns are the integers of the file, 17 bytes a star.
     """
 
     ra_counts: npt.NDArray[np.uint32]
@@ -68,6 +105,10 @@ class StarCatalogue:
     mmag: npt.NDArray[np.int16]
     pm_ra_mas_yr: npt.NDArray[np.int16]
     pm_dec_mas_yr: npt.NDArray[np.int16]
+    colour_mmag: npt.NDArray[np.int16]
+    """BT - VT; NO_COLOUR where unknown."""
+    sigma_counts: npt.NDArray[np.uint8]
+    """Standard error of VT in steps of SIGMA_MAG_STEP; NO_SIGMA where unknown."""
     dec_min_deg: float
     dec_max_deg: float
 
@@ -90,6 +131,16 @@ class StarCatalogue:
         """Tycho VT of every star."""
         return _scaled(self.mmag, MAG_STEP)
 
+    @property
+    def colour_mag(self) -> FloatArray:
+        """BT - VT of every star; NaN where unknown."""
+        return _known(self.colour_mmag, MAG_STEP, NO_COLOUR)
+
+    @property
+    def sigma_mag(self) -> FloatArray:
+        """Standard error of VT of every star; NaN where unknown."""
+        return _known(self.sigma_counts, SIGMA_MAG_STEP, NO_SIGMA)
+
     @classmethod
     def load(cls, path: Path | None = None) -> "StarCatalogue":
         """Load the stars of the geostationary belt, |dec| <= 12 deg, or a file of the same form.
@@ -100,7 +151,7 @@ class StarCatalogue:
 
     @classmethod
     def load_whole_sky(cls) -> "StarCatalogue":
-        """Load all shipped stars; read at the first call, then cached (26 MB).
+        """Load all shipped stars; read at the first call, then cached (32 MB).
 
         Raises SolverError when a file cannot be read.
         """
@@ -139,8 +190,16 @@ class StarCatalogue:
         if years:
             ra, dec = apply_proper_motion(ra, dec, pm_ra, pm_dec, years)
         near = separation_deg(ra_icrs_deg, dec_icrs_deg, ra, dec) <= radius_deg
-        magnitude = _scaled(self.mmag[index[near]], MAG_STEP)
-        return Stars(ra[near], dec[near], magnitude, pm_ra[near], pm_dec[near])
+        index = index[near]
+        return Stars(
+            ra_icrs_deg=ra[near],
+            dec_icrs_deg=dec[near],
+            magnitude=_scaled(self.mmag[index], MAG_STEP),
+            pm_ra_mas_yr=pm_ra[near],
+            pm_dec_mas_yr=pm_dec[near],
+            colour_mag=_known(self.colour_mmag[index], MAG_STEP, NO_COLOUR),
+            sigma_mag=_known(self.sigma_counts[index], SIGMA_MAG_STEP, NO_SIGMA),
+        )
 
     def _box(
         self, ra_deg: float, dec_deg: float, half_ra_deg: float, half_dec_deg: float
@@ -157,6 +216,11 @@ class StarCatalogue:
 
 def _scaled(counts: npt.NDArray[np.integer[Any]], step: float) -> FloatArray:
     return np.asarray(np.multiply(counts, step, dtype=np.float64))
+
+
+def _known(counts: npt.NDArray[np.integer[Any]], step: float, unknown: int) -> FloatArray:
+    """Scale counts; NaN where they say that nothing is known."""
+    return np.where(counts == unknown, np.nan, _scaled(counts, step))
 
 
 def has_tycho2_stars(path: Path) -> bool:
@@ -184,7 +248,7 @@ def _load_whole_sky() -> StarCatalogue:
     belt, rest = _load(resource_path(*_SHIPPED)), _read(resource_path(*_SHIPPED_REST))
     south = int(np.searchsorted(rest.dec_counts, 0))
     columns: dict[str, Any] = {}
-    for name in ("ra_counts", "dec_counts", "mmag", "pm_ra_mas_yr", "pm_dec_mas_yr"):
+    for name in _COLUMNS:
         outer = getattr(rest, name)
         column = np.concatenate([outer[:south], getattr(belt, name), outer[south:]])
         column.setflags(write=False)
@@ -193,16 +257,15 @@ def _load_whole_sky() -> StarCatalogue:
 
 
 def _read(path: Path) -> StarCatalogue:
+    columns: dict[str, Any] = {}
     try:
         with np.load(path) as stored:
-            ra = stored["ra"].astype(np.uint32, copy=False)
-            dec = np.cumsum(stored["dec_steps"], dtype=np.int32)
-            mmag = stored["mmag"].astype(np.int16, copy=False)
-            pm_ra = stored["pm_ra"].astype(np.int16, copy=False)
-            pm_dec = stored["pm_dec"].astype(np.int16, copy=False)
+            for name, (key, kind) in _COLUMNS.items():
+                columns[name] = stored[key].astype(kind, copy=False)
+            columns["dec_counts"] = np.cumsum(stored["dec_steps"], dtype=np.int32)
             lowest, highest = (float(v) for v in stored["dec_limits_deg"])
     except (OSError, KeyError, ValueError, EOFError) as error:
         raise SolverError(f"{path} is no star catalogue ({error}): install again") from error
-    for column in (ra, dec, mmag, pm_ra, pm_dec):
+    for column in columns.values():
         column.setflags(write=False)
-    return StarCatalogue(ra, dec, mmag, pm_ra, pm_dec, lowest, highest)
+    return StarCatalogue(**columns, dec_min_deg=lowest, dec_max_deg=highest)
