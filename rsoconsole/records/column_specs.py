@@ -301,7 +301,7 @@ zero_point_mag real magnitude of a star of the Sun's colour that would give 1 AD
 zero_point_sigma_mag real one sigma of that
 zero_point_stars integer catalogue stars it comes from
 zero_point_scatter_mag real scatter of those stars about it
-colour_term real change of the zero point per magnitude of B - V
+colour_term real change of the zero point per magnitude of BT - VT
 colour_term_sigma real one sigma of that
 limiting_mag real magnitude of a star with a signal to noise of 5
 """

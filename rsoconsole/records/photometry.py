@@ -11,7 +11,11 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 Band: TypeAlias = Literal["V", "instrumental"]
-"""Band of magnitudes: Johnson V by the star catalogue; instrumental: 0 mag is 1 ADU a second."""
+"""Band of magnitudes.
+
+V: Tycho-2's VT at the Sun's colour, which is 0.07 mag fainter than Johnson's V; instrumental: 0 mag
+is 1 ADU a second.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +77,7 @@ class Photometry:
     zero_point_scatter_mag: float | None = None
     """Scatter of those stars about it: cloud that changes over the field makes it large."""
     colour_term: float | None = None
-    """Change of the zero point per magnitude of a star's B - V (Tycho-2's bands)."""
+    """Change of the zero point per magnitude of a star's BT - VT."""
     colour_term_sigma: float | None = None
     limiting_mag: float | None = None
     """Magnitude of a star with an SNR of 5 in this frame; None without a zero point."""

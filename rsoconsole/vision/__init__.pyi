@@ -58,6 +58,11 @@ from .lines.line_images import LINE_FIGURES as LINE_FIGURES
 from .lines.line_images import LINE_IMAGE_SHAPE as LINE_IMAGE_SHAPE
 from .lines.segments import Box as Box
 from .lines.segments import Ends as Ends
+from .photometry.star_fluxes import star_fluxes as star_fluxes
+from .photometry.star_image import StarImage as StarImage
+from .photometry.star_image import fit_star_image as fit_star_image
+from .photometry.streak_flux import StreakFlux as StreakFlux
+from .photometry.streak_flux import streak_flux as streak_flux
 from .stars.plate_fit import PlateFit as PlateFit
 from .stars.plate_fit import field_radius_deg as field_radius_deg
 from .stars.plate_fit import refit as refit

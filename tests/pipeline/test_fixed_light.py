@@ -9,12 +9,12 @@ from models.star_catalogue import catalogue_of as catalogue_of_stars
 from rsoconsole.config import Config
 from rsoconsole.pipeline import FrameReducer, Reduction
 from rsoconsole.pipeline.comparison import fixed_light
-from rsoconsole.pipeline.comparison._look_back import SolvedField
 from rsoconsole.pipeline.comparison.fixed_light import (
     FrameComparison,
     KnownStars,
     RecordedComparison,
 )
+from rsoconsole.pipeline.comparison.look_back import SolvedField
 from rsoconsole.pipeline.frame.reduce import CHART_STARS
 from rsoconsole.records import BelowTau, Detections, Frame, NotAStreak, Solution, Wcs
 from rsoconsole.session import decode, encode

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.pipeline.comparison._look_back import FramePair, SolvedField, StreakComparison
+from rsoconsole.pipeline.comparison.look_back import FramePair, SolvedField, StreakComparison
 from rsoconsole.records import Frame, Wcs
 from rsoconsole.vision import find_stars
 from tests.drawn.drawn_lines import line_of_light

@@ -134,7 +134,7 @@ def test_colours_are_known_but_for_one_star_in_five_hundred(catalogue):
     assert 0.1 < np.nanmedian(catalogue.sigma_mag[catalogue.magnitude > 11.0]) < 0.2
     colours = catalogue.colour_mag[~np.isnan(catalogue.colour_mag)]
     assert 0.6 < np.median(colours) < 0.9
-    is_johnson = (JOHNSON_MIN_COLOUR_MAG < colours) & (colours < JOHNSON_MAX_COLOUR_MAG)
+    is_johnson = (colours > JOHNSON_MIN_COLOUR_MAG) & (colours < JOHNSON_MAX_COLOUR_MAG)
     assert 0.9 < np.mean(is_johnson) < 0.96
 
 

@@ -227,7 +227,10 @@ class FrameTurn:
         self._parts.session_log.append_all(self._orbits.derive_frame_records())
         self._parts.guide.precompute_path(self._parts.instrument_controller.now_utc_ns())
         self.look_ahead()
-        stages["orbit"] = (time.perf_counter() - ordered_s) * 1e3
+        known_s = time.perf_counter()
+        self._parts.session_log.append(self._cycle.photometry(result))
+        stages["orbit"] = (known_s - ordered_s) * 1e3
+        stages["light"] = (time.perf_counter() - known_s) * 1e3
         self._parts.session_log.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
         self._faults.clear()
         self._on_cycle(result.reduction)

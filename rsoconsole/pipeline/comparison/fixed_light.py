@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsoconsole.base import RsoconsoleError
-from rsoconsole.pipeline.comparison._look_back import (
+from rsoconsole.pipeline.comparison.look_back import (
     FramePair,
     SolvedField,
     StreakComparison,
@@ -33,7 +33,7 @@ from rsoconsole.records import (
     Rejection,
     Solution,
 )
-from rsoconsole.sky import J2000_JYEAR, StarCatalogue, julian_year, sky_to_pixel
+from rsoconsole.sky import J2000_JYEAR, StarCatalogue, Stars, julian_year, sky_to_pixel
 from rsoconsole.vision import (
     CONTINUOUS_CLASSES,
     MIN_MATCHED,
@@ -59,8 +59,8 @@ _BRIGHTEST, _MAX_STARS = slice(80), 1500
 
 def catalogue_stars(
     frame: Frame, solution: Solution, most: int, catalogue: StarCatalogue | None = None
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return pixels (n, 2) and magnitudes of the catalogue stars in a frame, the brightest first.
+) -> tuple[FloatArray, Stars] | None:
+    """Return pixels (n, 2) of the catalogue stars in a frame, and the stars, the brightest first.
 
     ``most``: largest n; ``catalogue``: None for the shipped stars. Returns None where the field is
     too wide; raises RsoconsoleError where the catalogue cannot be read.
@@ -81,7 +81,7 @@ def catalogue_stars(
         epoch_jyear=J2000_JYEAR if t_utc_ns is None else julian_year(t_utc_ns),
     )
     x, y = sky_to_pixel(solution.wcs, cone.ra_icrs_deg[:most], cone.dec_icrs_deg[:most])
-    return np.stack([x, y], axis=1), cone.magnitude[:most]
+    return np.stack([x, y], axis=1), cone.brightest(most)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ class KnownStars:
         known = catalogue_stars(here.frame, here.solution, _MAX_STARS, catalogue)
         if known is None:
             return None
-        places, magnitude = known
+        places, magnitude = known[0], known[1].magnitude
         stars, fwhm = here.stars, here.stars.median_fwhm_px
         bright = np.flatnonzero(~stars.is_saturated)[_BRIGHTEST]
         mine, theirs = match_stars(star_positions_px(stars)[bright], places, max(fwhm, 2.0))

@@ -4,6 +4,7 @@ The engine, ``process`` and every replay run this, so that the same frames give 
 ``cycle.frame_fold`` is the half of it that needs no pixels.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -17,15 +18,19 @@ from rsoconsole.pipeline.cycle.frame_fold import (
 )
 from rsoconsole.pipeline.cycle.miss_reasons import StarHistory, cloud_cause, star_statistics
 from rsoconsole.pipeline.frame.reduce import FrameReducer, Glance, Reduction
+from rsoconsole.pipeline.photometry.frame_photometry import photometry_of
 from rsoconsole.records import (
     Event,
     Frame,
     FrameTaken,
     HiddenBy,
     OrbitEstimate,
+    Photometry,
     Record,
     Ruling,
     SlewRefusal,
+    Solution,
+    TrackState,
 )
 from rsoconsole.tracking import Following
 
@@ -112,6 +117,20 @@ class Cycle:
         return again[-1].following, decision_records(
             decision, [(each.frame_id, each.records) for each in again]
         )
+
+    def photometry(self, result: CycleResult) -> Photometry:
+        """Measure the brightness of a frame's streaks, once its order is given; raise nothing."""
+        light, solution = result.reduction.light, result.reduction.solution
+        if light is None:
+            return Photometry(frame_id=result.reduction.detections.frame_id)
+        speeds: dict[str, float] = {}
+        for each in result.records:
+            if isinstance(each, TrackState) and isinstance(solution, Solution):
+                _, ra_rate, dec_deg, dec_rate = each.x
+                rate_deg_s = math.hypot(ra_rate * math.cos(math.radians(dec_deg)), dec_rate)
+                scale_deg_px = solution.scale_arcsec_px / 3600.0
+                speeds[each.measurement_id or ""] = rate_deg_s / scale_deg_px
+        return photometry_of(light, speeds)
 
     def glance(self, frame: Frame, reach_px: float) -> Glance | None:
         """Return streaks and plate solution from the middle of a frame alone, before ``run``.

@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver
 from rsoconsole.pipeline.comparison.fixed_light import FrameComparison, RecordedComparison
+from rsoconsole.pipeline.comparison.look_back import SolvedField
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measure_detections
 from rsoconsole.pipeline.frame.plate import FixedPlateSource, PlateFinder, middle_part
+from rsoconsole.pipeline.photometry.frame_photometry import FrameLight, light_streaks
 from rsoconsole.records import (
     BelowTau,
     ChartStar,
@@ -24,6 +26,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.vision import (
     ConfidenceCurve,
+    FrameAnalysis,
     Network,
     Proposer,
     PsfMemory,
@@ -64,6 +67,8 @@ class Reduction:
     cautions: tuple[Caution, ...] = ()
     chart_stars: tuple[ChartStar, ...] = ()
     """The frame's brightest stars, the brightest first."""
+    light: FrameLight | None = None
+    """What ``photometry_of`` measures, once the order is given."""
 
 
 class FrameReducer:
@@ -90,6 +95,7 @@ class FrameReducer:
         self._glancer = StreakDetector(network, config.detector, curve, is_quick=True)
         self._plate = plate
         self._comparison = comparison or FrameComparison()
+        self._before: SolvedField | None = None
         self._config = config
         self._calibration = calibration or Calibration(config)
 
@@ -174,7 +180,28 @@ class FrameReducer:
             stage_ms=stage_ms,
             cautions=(*noted, *cautions(frame, solution, self._config)),
             chart_stars=brightest_stars(analysis.stars),
+            light=self._light(even, analysis, found, solution, measurements),
         )
+
+    def _light(
+        self,
+        frame: Frame,
+        analysis: FrameAnalysis,
+        found: Detections,
+        solution: Solution | NotSolved | None,
+        measurements: tuple[Measurement, ...],
+    ) -> FrameLight:
+        """What the frame's photometry is measured from; it is the next frame's "before"."""
+        light = FrameLight(
+            frame=frame,
+            stars=analysis.stars,
+            background=analysis.background,
+            streaks=light_streaks(found, measurements),
+            solution=solution if isinstance(solution, Solution) else None,
+            before=self._before,
+        )
+        self._before = light.field or self._before
+        return light
 
 
 def typical_flux_adu(stars: StarList) -> float | None:

@@ -8,7 +8,7 @@ epoch of Tycho-2, 2.5 mas/yr). Source: Hog et al. 2000, A&A 355, L27; licence in
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -87,6 +87,10 @@ class Stars:
         """
         still = np.zeros(len(magnitude))
         return cls.without_colour(ra_icrs_deg, dec_icrs_deg, magnitude, still, still)
+
+    def brightest(self, most: int) -> "Stars":
+        """Return the first ``most`` stars, of which the brightest come first."""
+        return Stars(*(getattr(self, each.name)[:most] for each in fields(self)))
 
     def __len__(self) -> int:
         """Number of stars."""

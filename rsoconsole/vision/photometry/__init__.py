@@ -1,0 +1,1 @@
+"""Light of stars and streaks, measured with one image of a point."""
