@@ -35,8 +35,16 @@ from rsoconsole.library._given import (
     resolve_config,
 )
 from rsoconsole.library.plate import PlateWCS
+from rsoconsole.night import Row
 from rsoconsole.pipeline import MAX_MASKED, FrameDetector, FrameSolver
-from rsoconsole.records import Detections, Frame, NotSolved
+from rsoconsole.records import (
+    TABLES,
+    Detections,
+    Frame,
+    NotSolved,
+    Photometry,
+    measurement_id_of,
+)
 from rsoconsole.words import direction_fault
 
 
@@ -253,9 +261,11 @@ def detect(
 
     Returns one table for all frames, one row for each streak: in the order of the frames, in each
     frame the most confident first. Its columns are ``frame``, the frame's name, and those of a
-    session's ``detections`` (``sessions/README.md``). ``x_px`` and ``y_px`` are in pixels from the
-    centre of the first pixel (0, 0), x along a row of the array. ``meta["frames"]`` names all
-    frames, also those without a streak; ``meta["notes"]`` says what is unusual about them.
+    session's ``detections`` and ``magnitudes`` (``sessions/README.md``). A frame with a streak is
+    plate-solved where its header has a direction; without one, magnitudes are instrumental.
+    ``x_px`` and ``y_px`` are in pixels from the centre of the first pixel (0, 0), x along a row of
+    the array. ``meta["frames"]`` names all frames, also those without a streak;
+    ``meta["notes"]`` says what is unusual about them.
 
     Raises FrameError for a frame that cannot be used (damaged, NaN, three axes, below 64 px),
     InputError for other invalid arguments, ConfigError, ModelError.
@@ -265,17 +275,36 @@ def detect(
     """
     settings = resolve_config(config, {"detector.tau": tau, "detector.map_mode": map_mode})
     facts = frame_overrides(extension=extension, exposure=exposure, scale=scale)
-    detector = FrameDetector(settings)
     found: list[Detections] = []
+    light: list[Row] = []
     names: dict[int, str] = {}
     notes: dict[str, None] = {}
-    for frame in read_caller_frames(frames, facts):
-        detections, words = detector.detect(frame)
-        found.append(detections)
-        names[frame.frame_id] = frame.name
-        notes |= dict.fromkeys(f"{frame.name}: {each}" for each in words)
+    with FrameDetector(settings) as detector:
+        for frame in read_caller_frames(frames, facts):
+            one = detector.detect(frame)
+            found.append(one.detections)
+            light += _light_rows(one.detections, one.photometry)
+            names[frame.frame_id] = frame.name
+            notes |= dict.fromkeys(f"{frame.name}: {each}" for each in one.notes)
     meta: dict[str, Any] = {"frames": list(names.values()), "notes": list(notes)}
-    return records_table("detections", found, meta, names=names)
+    return records_table("detections", found, meta, names=names, extra=LIGHT_COLUMNS, more=light)
+
+
+LIGHT_COLUMNS = tuple(
+    each for each in TABLES["magnitudes"].own if each.name not in {"measurement_id", "steps"}
+)
+"""Columns of a streak's brightness."""
+
+
+def _light_rows(found: Detections, light: Photometry) -> list[Row]:
+    """Return the brightness of each detection; values None where it was not measured."""
+    by_id = {each.measurement_id: each for each in light.streaks}
+    measured = (
+        by_id.get(measurement_id_of(found.frame_id, n)) for n in range(len(found.detections))
+    )
+    return [
+        {each.name: getattr(one, each.name, None) for each in LIGHT_COLUMNS} for one in measured
+    ]
 
 
 class SolveKeywords(TypedDict, total=False):

@@ -305,7 +305,10 @@ def detect(
     config: ConfigOption = None,
     json_: JsonOption = False,
 ) -> None:
-    """Find streaks in frames.
+    """Find streaks in frames, and measure their magnitudes.
+
+    A frame with a streak is plate-solved where its header has a direction: its stars then give the
+    zero point; without one magnitudes are instrumental (0 mag is 1 ADU a second).
 
     Of a file with several images the first is taken; a line on stderr names the others. Stderr
     also reports, once, faults of a frame: 8 bits a pixel, or a scale or an exposure for which
@@ -322,16 +325,20 @@ def detect(
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
     whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
-    given, detector = given_files(frames, files_from), FrameDetector(whole)
+    given = given_files(frames, files_from)
+    with open_input_files(given) as files, FrameDetector(whole) as detector:
 
-    def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
-        for frame in read_frames(path, number, extension=extension):
-            found, notes = detector.detect(frame)
-            yield detections_report(
-                files.name(path), found, extension=frame.header.get(EXTENSION_KEY), notes=notes
-            )
+        def work(path: Path, number: int) -> Iterator[dict[str, Any]]:
+            for frame in read_frames(path, number, extension=extension):
+                found = detector.detect(frame)
+                yield detections_report(
+                    files.name(path),
+                    found.detections,
+                    found.photometry,
+                    extension=frame.header.get(EXTENSION_KEY),
+                    notes=found.notes,
+                )
 
-    with open_input_files(given) as files:
         _each(files, json_, work, detect_lines)
 
 

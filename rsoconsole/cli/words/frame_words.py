@@ -1,5 +1,6 @@
 """What was found in frames, as lines for a terminal."""
 
+import math
 from typing import Any
 
 from rsoconsole.records import Cause
@@ -40,11 +41,19 @@ def detect_lines(found: dict[str, Any]) -> list[str]:
     lines = [f"{image_name(found)}: {count_words(len(found['detections']), 'streak')}"]
     lines.extend(
         f"  confidence {d['confidence']:.2f} at ({d['x']:.1f}, {d['y']:.1f})"
-        f" length {d['length']:.0f} px, SNR {d['snr']:.0f}{_named_words(d)}"
+        f" length {d['length']:.0f} px, SNR {d['snr']:.0f}{_mag_words(d)}{_named_words(d)}"
         for d in found["detections"]
     )
     lines.extend(f"  rejected: {r['reason']}" for r in found["rejected"])
     return lines
+
+
+def _mag_words(detection: dict[str, Any]) -> str:
+    """Magnitude of a streak with its error and band: ``, mag 12.84 +- 0.03 V``."""
+    mag, sigma, colour = (detection[key] for key in ("mag", "mag_sigma", "mag_sigma_colour"))
+    if mag is None:
+        return ""
+    return f", mag {mag:.2f} +- {math.hypot(sigma, colour or 0.0):.2f} {detection['band']}"
 
 
 def _named_words(detection: dict[str, Any]) -> str:

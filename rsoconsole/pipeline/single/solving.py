@@ -1,17 +1,26 @@
 """Plate solutions and detections of single frames under one configuration."""
 
+import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
+from rsoconsole.base import SolverError
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver, series_name
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import cautions
 from rsoconsole.pipeline.frame.hints import WrongHint, header_hint, hint_with_overrides, wrong_hints
 from rsoconsole.pipeline.frame.plate import PlateFinder
-from rsoconsole.records import Detections, Frame, NotSolved, Solution
-from rsoconsole.vision import ConfidenceCurve, Network, StreakDetector, find_stars
+from rsoconsole.pipeline.photometry.frame_photometry import (
+    FrameLight,
+    light_streaks,
+    photometry_of,
+)
+from rsoconsole.records import Detections, Frame, NotSolved, Photometry, Solution
+from rsoconsole.vision import ConfidenceCurve, Network, StarList, StreakDetector, find_stars
+
+log = logging.getLogger(__name__)
 
 MAX_MASKED = 0.2
 """Largest fraction of a frame's pixels that may be masked: its stars are still found."""
@@ -77,8 +86,20 @@ class FrameSolver:
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectedFrame:
+    """Streaks of a frame, their brightness, and cautions about the frame, a sentence each."""
+
+    detections: Detections
+    photometry: Photometry
+    notes: tuple[str, ...]
+
+
 class FrameDetector:
-    """Detects streaks in single frames, which it calibrates first."""
+    """Detects streaks in single frames, which it calibrates first, and measures their light.
+
+    Magnitudes need a plate: a frame with a streak is solved where its header has a direction.
+    """
 
     def __init__(self, config: Config) -> None:
         """Raise ModelError when the network cannot be loaded."""
@@ -87,10 +108,52 @@ class FrameDetector:
         self._config = config
         self._detector = StreakDetector(network, settings, ConfidenceCurve.from_card(network.card))
         self._calibration = Calibration(config)
+        self._open_solver = ExitStack()
+        self._finder: PlateFinder | None = None
+        self._has_no_solver = False
 
-    def detect(self, frame: Frame) -> tuple[Detections, tuple[str, ...]]:
-        """Return the detections of a frame, and its cautions, a sentence each."""
+    def __enter__(self) -> "FrameDetector":
+        """Return itself; the solver starts with the first frame that needs it."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """End the solver, if it was started."""
+        self._open_solver.close()
+
+    def detect(self, frame: Frame) -> DetectedFrame:
+        """Return the detections of a frame, their light, and its cautions."""
         prepared, noted = self._calibration.prepare(frame)
-        found = self._detector.analyse(prepared).detections
+        analysis = self._detector.analyse(prepared)
+        found = analysis.detections
+        solution = self._solution(frame, analysis.stars) if found.detections else None
+        light = FrameLight(
+            frame=prepared,
+            stars=analysis.stars,
+            background=analysis.background,
+            streaks=light_streaks(found, ()),
+            solution=solution if isinstance(solution, Solution) else None,
+        )
         notes = (*noted, *cautions(frame, None, self._config))
-        return found, tuple(each.words for each in notes)
+        return DetectedFrame(
+            detections=found,
+            photometry=photometry_of(light),
+            notes=tuple(each.words for each in notes),
+        )
+
+    def _solution(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:
+        """Solve a frame whose header has a direction; None for others and without index files."""
+        if frame.pointing_ra_icrs_deg is None or self._has_no_solver:
+            return None
+        if self._finder is None:
+            try:
+                solver = self._open_solver.enter_context(
+                    PlateSolver(
+                        self._config.solver.index_dirs, start_s=self._config.waits.process_s
+                    )
+                )
+            except SolverError as error:
+                log.info("magnitudes are instrumental: %s", error)
+                self._has_no_solver = True
+                return None
+            self._finder = PlateFinder(solver, self._config)
+        return self._finder.solve(frame, stars)

@@ -19,9 +19,11 @@ from rsoconsole.records import (
     Frame,
     Measurement,
     NotSolved,
+    Photometry,
     Solution,
     StateChange,
     TrackState,
+    measurement_id_of,
 )
 from rsoconsole.sky import wcs_cards
 from rsoconsole.tracking import Following
@@ -63,20 +65,45 @@ def detection_report(detection: Detection) -> dict[str, Any]:
     }
 
 
+_OF_LIGHT = (
+    *("mag", "mag_sigma", "mag_sigma_colour", "band", "flux_adu", "flux_sigma_adu"),
+    *("is_saturated", "is_blended"),
+)
+"""Keys of a streak's brightness, with the names of its own fields."""
+_OF_ZERO_POINT = ("zero_point_mag", "zero_point_sigma_mag", "zero_point_stars", "limiting_mag")
+
+
+def _light_report(light: Photometry | None, frame_id: int, number: int) -> dict[str, Any]:
+    """Return the brightness of one candidate; every value None where it was not measured."""
+    name = measurement_id_of(frame_id, number)
+    streaks = () if light is None else light.streaks
+    own = next((each for each in streaks if each.measurement_id == name), None)
+    return {key: getattr(own, key, None) for key in _OF_LIGHT}
+
+
 def detections_report(
-    name: str, found: Detections, *, extension: str | None = None, notes: Sequence[str] = ()
+    name: str,
+    found: Detections,
+    light: Photometry | None = None,
+    *,
+    extension: str | None = None,
+    notes: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the JSON object of ``rsoconsole detect``.
 
-    ``extension``: the one read, of a file with several images; ``notes``: cautions about the
-    frame.
+    ``light``: the frame's brightness; None where it was not measured. ``extension``: the one read,
+    of a file with several images; ``notes``: cautions about the frame.
     """
     return {
         "frame": name,
         "extension": extension,
         "width": found.width_px,
         "height": found.height_px,
-        "detections": [detection_report(d) for d in found.detections],
+        "detections": [
+            {**detection_report(d), **_light_report(light, found.frame_id, n)}
+            for n, d in enumerate(found.detections)
+        ],
+        **{key: getattr(light, key, None) for key in _OF_ZERO_POINT},
         "rejected": [
             {**detection_report(r.detection), "reason": text(r.reason)} for r in found.rejected
         ],
@@ -157,7 +184,8 @@ def process_report(name: str, processed: ProcessedFrame, place: FrameSite) -> di
     ``place``: the site in force.
     """
     frame, reduction, after = processed.frame, processed.reduction, processed.after
-    found = detections_report(name, reduction.detections)
+    light = next((r for r in processed.records if isinstance(r, Photometry)), None)
+    found = detections_report(name, reduction.detections, light)
     states = [r for r in processed.records if isinstance(r, TrackState)]
     predicted = next((s for s in states if s.kind == "predicted"), None)
     updated = next((s for s in states if s.kind != "predicted"), None)
@@ -172,6 +200,7 @@ def process_report(name: str, processed: ProcessedFrame, place: FrameSite) -> di
         "state": after.state,
         "detections": found["detections"],
         "rejected": found["rejected"],
+        **{key: found[key] for key in _OF_ZERO_POINT},
         "solution": None
         if solution is None
         else solution_report(name, solution, frame.width_px, frame.height_px),
