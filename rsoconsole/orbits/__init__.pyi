@@ -120,3 +120,5 @@ from .navigation.time_calibration import ShutterTiming as ShutterTiming
 from .navigation.time_calibration import TimeCalibration as TimeCalibration
 from .navigation.time_calibration import TimedDirections as TimedDirections
 from .navigation.time_calibration import calibrate_timing as calibrate_timing
+from .reduced_magnitude import magnitude_at_range as magnitude_at_range
+from .reduced_magnitude import reduced_magnitude as reduced_magnitude
