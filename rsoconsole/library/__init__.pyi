@@ -1,3 +1,5 @@
+from .exports import to_score as to_score
+from .exports import to_udl as to_udl
 from .field_crossings import crossings as crossings
 from .formats.api import ExportOptions as ExportOptions
 from .formats.api import export as export

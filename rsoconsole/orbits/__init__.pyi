@@ -1,3 +1,5 @@
+from .brightness import magnitude_at_range as magnitude_at_range
+from .brightness import reduced_magnitude as reduced_magnitude
 from .determination.from_directions import MIN_SIGHTINGS as MIN_SIGHTINGS
 from .determination.from_directions import Orbit as Orbit
 from .determination.from_directions import determine_orbit as determine_orbit
@@ -120,5 +122,3 @@ from .navigation.time_calibration import ShutterTiming as ShutterTiming
 from .navigation.time_calibration import TimeCalibration as TimeCalibration
 from .navigation.time_calibration import TimedDirections as TimedDirections
 from .navigation.time_calibration import calibrate_timing as calibrate_timing
-from .reduced_magnitude import magnitude_at_range as magnitude_at_range
-from .reduced_magnitude import reduced_magnitude as reduced_magnitude

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+import rsoconsole as rso
 from rsoconsole.base import ExportError
 from rsoconsole.library import ExportOptions, ScoreOptions, Target, export, render
 from rsoconsole.library.formats.night import read_exported_night
@@ -219,3 +220,19 @@ def test_a_wrong_option_is_named(given: dict[str, Any], words: str):
 def test_a_night_without_magnitudes_is_no_night_of_non_detections(tmp_path: Path):
     with pytest.raises(ExportError, match="non-detection"):
         export(closed_night(tmp_path / "dark"), "score", None, FULL)
+
+
+def test_python_has_the_verbs_text(session: Path):
+    text = rso.to_score(
+        session,
+        norad=36097,
+        observer_email=EMAIL,
+        observer_orcid=ORCID,
+        detector="CMOS",
+        filter="CLEAR",
+    )
+    assert text == render(session, "score", FULL)[0]
+    known = ExportOptions(target=Target(norad_id=36097))
+    night = rso.open_session(session)
+    assert rso.to_udl(night, norad=36097) == render(session, "udl", known)[0]
+    assert night.export("udl").name == "night.udl.json"

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from rsoconsole.orbits import magnitude_at_range, reduced_magnitude
-from rsoconsole.orbits.reduced_magnitude import lambert_phase_function
+from rsoconsole.orbits.brightness import lambert_phase_function
 
 CASES = [
     (12.400, 36738.37, 30.0, 5.680, 12.356),
