@@ -19,6 +19,8 @@ from .library import measure as measure
 from .library import open_session as open_session
 from .library import orbit as orbit
 from .library import solve as solve
+from .library import to_score as to_score
+from .library import to_udl as to_udl
 from .library import track as track
 
 __version__: str

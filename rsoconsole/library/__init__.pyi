@@ -1,3 +1,5 @@
+from .exports import to_score as to_score
+from .exports import to_udl as to_udl
 from .field_crossings import crossings as crossings
 from .formats.api import ExportOptions as ExportOptions
 from .formats.api import export as export
@@ -6,6 +8,7 @@ from .formats.api import save_text as save_text
 from .formats.api import write_file as write_file
 from .formats.observed import ReadOptions as ReadOptions
 from .formats.observed import read_observations as read_observations
+from .formats.score import ScoreOptions as ScoreOptions
 from .formats.solved_fits import parse_numbers as parse_numbers
 from .formats.target import Target as Target
 from .frames import detect as detect

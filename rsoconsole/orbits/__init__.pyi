@@ -1,3 +1,5 @@
+from .brightness import magnitude_at_range as magnitude_at_range
+from .brightness import reduced_magnitude as reduced_magnitude
 from .determination.from_directions import MIN_SIGHTINGS as MIN_SIGHTINGS
 from .determination.from_directions import Orbit as Orbit
 from .determination.from_directions import determine_orbit as determine_orbit

@@ -121,6 +121,8 @@ from .orbits.orbit_outlook import FuturePosition as FuturePosition
 from .orbits.orbit_outlook import OrbitOutlook as OrbitOutlook
 from .orbits.orbit_outlook import orbit_outlook as orbit_outlook
 from .orbits.orbits import Orbits as Orbits
+from .orbits.ranges import RangeAndPhase as RangeAndPhase
+from .orbits.ranges import ranges_by_orbit as ranges_by_orbit
 from .orbits.track_measurements import ObservedTrack as ObservedTrack
 from .orbits.track_measurements import directions_from_measurements as directions_from_measurements
 from .orbits.track_measurements import longest_arc as longest_arc

@@ -73,7 +73,9 @@ _UNITS = (
     ("_deg", "deg"),
     ("_km", "km"),
     ("_px", "pix"),
-    ("_mag", "mag"),
+    ("mag", "mag"),
+    ("mag_sigma", "mag"),
+    ("mag_sigma_colour", "mag"),
     ("_s", "s"),
 )
 _WORDED = frozenset(("reason", "outcome"))

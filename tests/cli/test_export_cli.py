@@ -14,6 +14,7 @@ from rsoconsole.library.formats.night import read_exported_night
 from rsoconsole.session import SessionWriter
 from tests.cli.test_cli_frames import objects
 from tests.nights.export_nights import T0, closed_night, read_tdm, written_night
+from tests.nights.lit_night import lit_night
 from tests.nights.orbit_night import identified_of
 from tests.nights.samples import SAMPLE
 from tests.pages.tables import read_csv
@@ -83,6 +84,9 @@ def test_a_report_is_one_of_the_formats(session: Path, tmp_path: Path):
         (["--format", "fits", "--frames", "9-3"], "9-3"),
         (["--format", "tdm", "--norad", "1000000000"], "nine digits"),
         (["--format", "iod", "--sky", "X"], "no state of the sky"),
+        (["--format", "score", "--observer-email", "me"], "no e-mail address"),
+        (["--format", "score", "--observer-orcid", "1234"], "no ORCID"),
+        (["--format", "score", "--detector", "eye"], "none of CCD, CMOS, OTHER"),
     ],
 )
 def test_wrong_usage_is_told_from_what_cannot_be_done(arguments, says):
@@ -97,6 +101,24 @@ def test_a_folder_that_is_made_is_named(session: Path, tmp_path: Path):
     for expected in (f"created the folder {path.parent}\n", ""):
         run = run_here("export", session, "--format", "csv", "--out", path, "--force")
         assert (run.returncode, run.stderr) == (0, expected)
+
+
+def test_score_gets_what_it_requires_or_one_line_says_what_is_missing(tmp_path: Path):
+    night = lit_night(tmp_path / "lit")
+    words = ("export", night, "--format", "score", "--norad", "36097")
+    run = run_here(*words)
+    assert run.returncode == 1
+    assert run.stderr.count("\n") == 1
+    assert "--observer-email, --observer-orcid, --detector, --filter" in run.stderr
+    run = run_here(
+        *(*words, "--observer-email", "me@example.org", "--observer-orcid", "0000-0002-1825-0097"),
+        *("--detector", "CMOS", "--filter", "CLEAR", "--json"),
+    )
+    assert run.returncode == 0, run.stderr
+    (found,) = objects(run)
+    assert found["path"].endswith("lit.score.csv")
+    assert found["measurements"] == 9
+    assert "3 without a magnitude in V" in run.stderr
 
 
 def test_what_cannot_be_done_is_one_line():

@@ -34,6 +34,12 @@ reveal_type(rso.identify(night))  # is dict[int, rsoconsole.library.identificati
 reveal_type(night)  # is rsoconsole.library.notebook.session.Session
 reveal_type(night.tracks[2].orbit)  # is rsoconsole.records.steps.OrbitEstimate | None
 reveal_type(rso.__version__)  # is str
+reveal_type(rso.to_udl(night, norad=36097))  # is str
+a, b = "a@b.org", "0000-0002-1825-0097"
+table = rso.to_score(
+    "night", norad=1, observer_email=a, observer_orcid=b, detector="CCD", filter="V"
+)
+reveal_type(table)  # is str
 
 rso.detect(3)  # error: arg-type
 rso.detect("a.fits", tau="high")  # error: arg-type
@@ -49,3 +55,5 @@ found.omm("yaml")  # error: arg-type
 found.sigma  # error: attr-defined
 name.name.upper()  # error: union-attr
 rso.tracks  # error: attr-defined
+rso.to_udl(night, norad="36097")  # error: arg-type
+rso.to_score(night, norad=1, observer_email=a)  # error: call-arg

@@ -1,5 +1,6 @@
 """Nights for exports: followed record by record, with plates, and rows made up by hypothesis."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -107,8 +108,12 @@ def written_night(
     clipped: tuple[int, ...] = (),
     about: Any = None,
     most_tracks: int = 1,
+    more: Callable[[int, tuple[Measurement, ...]], tuple[Any, ...]] = lambda *_: (),
 ) -> SessionWriter:
-    """A night that goes on: a stray beside what is followed in every frame, two frames missed."""
+    """A night that goes on: a stray beside what is followed in every frame, two frames missed.
+
+    ``more``: further records of a frame, by its number and measurements.
+    """
     config = Config.model_validate({"site": {"name": "Hügel <1>", "latitude_deg": 47.5}})
     alone = config.filter.model_copy(update={"most_tracks": most_tracks})
     settings = FollowSettings(filter=alone, half_field_deg=0.6)
@@ -126,6 +131,7 @@ def written_night(
             measurements=measured,
         )
         following, records = follow(following, seen, settings)
+        records = (*records, *more(frame_id, measured))
         for record in (taken(frame_id), plate(frame_id), *measured, *records):
             writer.append(record, seen.t_mid_utc_ns)
     assert writer.flush()
@@ -166,6 +172,7 @@ _OF_FRAME: dict[str, st.SearchStrategy[Any]] = {
     "star_fwhm_px": st.floats(0.5, 20.0),
     "background_adu": st.floats(0.0, 65535.0),
     "zero_point_mag": st.floats(5.0, 30.0),
+    "limiting_mag": st.floats(5.0, 25.0),
     "star_count": st.integers(0, 500),
 }
 """What a frame says of image and sky."""
@@ -195,6 +202,8 @@ def made_up_rows(**more: st.SearchStrategy[Any]) -> st.SearchStrategy[MeasuredRo
         "is_taken": st.booleans(),
         "not_taken_because": st.none() | _text,
         "is_superseded": st.booleans(),
+        "band": st.none() | st.sampled_from(["V", "instrumental"]),
+        "is_saturated": st.none() | st.booleans(),
         "beside": st.tuples(
             st.tuples(st.just("is_crossing"), st.booleans()),
             st.tuples(st.just("object_class"), st.sampled_from(get_args(ObjectClass))),

@@ -11,9 +11,9 @@ from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import JsonOption, SessionArgument
 
 AnyFormat: TypeAlias = Literal[
-    "csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl", "fits", "regions", "html"
+    "csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl", "score", "fits", "regions", "html"
 ]
-MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
+MESSAGES = ("tdm", "tdm-xml", "iod", "udl", "score")
 STDOUT = "-"
 FOLDER_KINDS = ("fits", "regions")
 """Formats of ``export`` that write a folder with one file per frame."""
@@ -41,9 +41,12 @@ def export(
     frames: Annotated[
         str | None, typer.Option(metavar="3,9-12", help="fits, regions: these frames alone.")
     ] = None,
-    track: Annotated[int | None, typer.Option(help="tdm, iod, udl: this track alone.")] = None,
+    track: Annotated[
+        int | None, typer.Option(help="tdm, iod, udl, score: this track alone.")
+    ] = None,
     norad: Annotated[
-        int | None, typer.Option(help="tdm, iod, udl: the object's catalogue number, if known.")
+        int | None,
+        typer.Option(help="tdm, iod, udl, score: the object's catalogue number, if known."),
     ] = None,
     cospar: Annotated[
         str | None,
@@ -63,16 +66,32 @@ def export(
         ),
     ] = None,
     originator: Annotated[str, typer.Option(help="tdm, udl: who makes it.")] = "RSOCONSOLE",
+    observer_email: Annotated[
+        str | None, typer.Option(help="score: your address, to which it confirms.")
+    ] = None,
+    observer_orcid: Annotated[
+        str | None, typer.Option(help="score: your ORCID; of several observers with commas.")
+    ] = None,
+    detector: Annotated[
+        str | None, typer.Option(metavar="CCD|CMOS|OTHER", help="score: kind of detector.")
+    ] = None,
+    filter_: Annotated[
+        str | None,
+        typer.Option("--filter", help="score: what is in front of the camera; CLEAR: nothing."),
+    ] = None,
     json_: JsonOption = False,
 ) -> None:
-    """Export a night: tables, CCSDS TDM, IOD, UDL, solved FITS, DS9 regions, a report.
+    """Export a night: tables, CCSDS TDM, IOD, UDL, SCORE, solved FITS, DS9 regions, a report.
 
-    csv, ecsv, jsonl: every measurement with its errors, whether a track accepted it or why none
-    did, and the track's prediction, residual, NIS and state after it.
+    csv, ecsv, jsonl: every measurement with its errors and magnitude, whether a track accepted it
+    or why none did, and the track's prediction, residual, NIS and state after it.
 
     tdm, tdm-xml, iod, udl: the measurements that the tracks accepted, in exchange formats;
     without streaks that the frame's edge cuts. udl is a file of EOObservation records; nothing is
     uploaded.
+
+    score: magnitudes as the repository SCORE of the IAU CPS takes them; it requires --norad,
+    --observer-email, --observer-orcid, --detector and --filter.
 
     fits, regions: kept frames with their plate solution in the header; their streaks for DS9.
 
@@ -89,7 +108,7 @@ def export(
     if format_ == "html":
         _report(session, out, json_, is_forced=force)
         return
-    from rsoconsole.library import ExportOptions, Target, parse_numbers
+    from rsoconsole.library import ExportOptions, ScoreOptions, Target, parse_numbers
 
     try:
         options = ExportOptions(
@@ -100,6 +119,9 @@ def export(
             sky=sky,
             site_line=out != STDOUT if site_line is None else site_line,
             originator=originator,
+            score=ScoreOptions(
+                email=observer_email, orcid=observer_orcid, detector=detector, passband=filter_
+            ),
             frames=None if frames is None else parse_numbers(frames),
             is_forced=force,
         )

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rsoconsole.base import ExportError, parse_json, value_errors_as
 from rsoconsole.records import Site
@@ -41,6 +42,12 @@ class ObservedRow:
     """True where the column's name or the file's format leaves no doubt about the angles' unit."""
     is_horizontal: bool = False
     """True where ``ra_icrs_deg`` is an azimuth and ``dec_icrs_deg`` an elevation, as seen."""
+    mag: float | None = None
+    """Apparent magnitude; None where the file states none."""
+    mag_sigma: float | None = None
+    """One sigma of it by all causes that the file states."""
+    band: str | None = None
+    """Band of it in the file's own words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +100,13 @@ _LATITUDE = ("lat_deg", "latitude_deg", "site_lat_deg", "latitude", "lat", "senl
 _LONGITUDE = ("lon_deg", "longitude_deg", "site_lon_deg", "longitude", "lon", "senlon")
 _HEIGHT = ("alt_m", "elevation_m", "height_m", "site_alt_m", "elev_m")
 _TIME_SIGMA = ("time_sigma_s", "timing_sigma_s", "sigma_t_s")
+_MAG = ("mag", "mag_v", "vmag", "apparent_magnitude", "magnitude")
+_MAG_SIGMAS = (
+    ("mag_sigma", "mag_unc", "magunc", "apparent_magnitude_uncertainty"),
+    ("mag_sigma_colour",),
+)
+"""Errors that count in quadrature."""
+_BAND = ("band", "passband", "observing_filter")
 NEEDED = (
     "a column of times (t_mid_utc, time or utc), of right ascension (ra_deg) and of declination"
     " (dec_deg)"
@@ -268,7 +282,21 @@ class _Columns:
             station=text(_STATION),
             site=site,
             is_degrees=is_degrees,
+            **self._light(text),
         )
+
+    def _light(self, text: Callable[[Sequence[str]], str | None]) -> dict[str, Any]:
+        """Magnitude, its error and band; what is no number costs the magnitude, not the row."""
+        mag = _number_or_none(text(_MAG))
+        if mag is None:
+            return {}
+        sigmas = [_number_or_none(text(names)) for names in _MAG_SIGMAS]
+        known = [each for each in sigmas if each is not None]
+        return {
+            "mag": mag,
+            "mag_sigma": math.hypot(*known) if known else None,
+            "band": text(_BAND),
+        }
 
     def _direction(
         self, number: Callable[[Sequence[str]], float | None], where: str
@@ -289,6 +317,14 @@ class _Columns:
                 " it ra_rad or dec_rad, or ra_deg or dec_deg"
             )
         return ra, dec, len(bare) < 2
+
+
+def _number_or_none(text: str | None) -> float | None:
+    try:
+        value = math.nan if text is None else float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
 
 
 def _number(text: str, where: str) -> float:

@@ -72,6 +72,8 @@ def _of_segment(segment: TdmSegment, where: str) -> list[ObservedRow]:
             station=station,
             site=_site_of_comments(segment.comments),
             is_degrees=True,
+            mag=each.mag,
+            mag_sigma=each.mag_sigma,
         )
         for each in segment.angles
     ]

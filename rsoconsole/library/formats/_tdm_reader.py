@@ -24,8 +24,11 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _PATH = re.compile(r"\d(?:,\d)+", re.ASCII)
 _NUMBERED = "12345"
 _HEADER = {"CREATION_DATE", "ORIGINATOR", "MESSAGE_ID"}
-_ERRORS = ("sigma_1_arcsec", "sigma_2_arcsec", "correlation")
-"""Fields of the errors, in the order of our comments."""
+_ERRORS: Mapping[str, tuple[str, ...]] = {
+    "SIGMA": ("sigma_1_arcsec", "sigma_2_arcsec", "correlation"),
+    "SIGMA_MAG": ("mag_sigma",),
+}
+"""Fields of the errors in our comments, by the comment's first word."""
 
 
 def _with_numbers(*stems: str) -> set[str]:
@@ -84,6 +87,9 @@ class TdmAngles:
     """One sigma of the first angle on the sky (times the cosine of the second angle)."""
     sigma_2_arcsec: float | None = None
     correlation: float | None = None
+    mag: float | None = None
+    """Apparent magnitude at the same epoch; None where the message has none."""
+    mag_sigma: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +102,7 @@ class TdmSegment:
     angles: tuple[TdmAngles, ...]
     """Epochs that have both angles, in the order of the file."""
     others: int
-    """Number of data lines that are not part of ``angles``."""
+    """Number of data lines that are no angles of ``angles``."""
     beside: int = 0
     """Number of those that say nothing on where the object is: magnitudes, weather."""
 
@@ -139,6 +145,7 @@ class _OpenSegment:
     comments: list[str] = field(default_factory=list)
     halves: dict[int, dict[str, float]] = field(default_factory=dict)
     errors: dict[int, dict[str, float]] = field(default_factory=dict)
+    magnitudes: dict[int, float] = field(default_factory=dict)
     others: int = 0
     beside: int = 0
     faulty: set[int] = field(default_factory=set)
@@ -154,6 +161,7 @@ class _OpenSegment:
                     t_utc_ns=t,
                     angle_1_deg=half["ANGLE_1"],
                     angle_2_deg=half["ANGLE_2"],
+                    mag=self.magnitudes.get(t),
                     **self.errors.get(t, {}),
                 )
                 for t, half in pairs.items()
@@ -297,6 +305,8 @@ class _Parser:
         if keyword not in {"ANGLE_1", "ANGLE_2"}:
             self.open.others += 1
             self.open.beside += keyword in _BESIDE
+            if keyword == "MAG":
+                self.open.magnitudes.setdefault(t_utc_ns, number)
             return
         half = self.open.halves.setdefault(t_utc_ns, {})
         if keyword in half:
@@ -308,9 +318,11 @@ class _Parser:
             self.comments.append(text)
             return
         parts = text.split()
-        if self.section == "data" and parts[:1] == ["SIGMA"] and len(parts) == 5:
-            values = (self._value("SIGMA", part) for part in parts[2:])
-            self.open.errors[self._instant(parts[1])] = dict(zip(_ERRORS, values, strict=True))
+        names = _ERRORS.get(parts[0], ()) if parts and self.section == "data" else ()
+        if names and len(parts) == 2 + len(names):
+            values = (self._value(parts[0], part) for part in parts[2:])
+            errors = self.open.errors.setdefault(self._instant(parts[1]), {})
+            errors.update(zip(names, values, strict=True))
             return
         self.open.comments.append(text)
 

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import math
 import time
 import warnings
 from collections.abc import Iterable, Mapping
@@ -16,79 +15,12 @@ from rsoconsole.library.formats import solved_fits as on_record
 from rsoconsole.library.formats.iod import STATION, check_station, site_line, to_iod
 from rsoconsole.library.formats.night import ExportedNight, read_exported_night
 from rsoconsole.library.formats.rows import COLUMNS, MeasuredRow
+from rsoconsole.library.formats.score import ScoreOptions, scored_rows, to_score
 from rsoconsole.library.formats.solved_fits import solved_fits, to_regions
 from rsoconsole.library.formats.tables import to_astropy_time
 from rsoconsole.library.formats.target import Target
 from rsoconsole.library.formats.tdm import ORIGINATOR, tdm_to_xml, to_tdm, unclipped_rows
-from rsoconsole.words import utc_ns_to_iso
-
-MARKING = "U"
-"""Classification marking of the UDL: unclassified."""
-DESCRIPTOR = (
-    "astrometric: relative to catalogue stars, no aberration in it, light time not taken out;"
-    " obTime is mid-exposure"
-)
-_DEG2_PER_ARCSEC2 = 1.0 / 3600.0**2
-
-
-def to_udl(night: ExportedNight, tracks: Iterable[int], options: "ExportOptions") -> str:
-    """Return the measurements of these tracks as JSON for the UDL (Unified Data Library).
-
-    EOObservation records, without clipped streaks; of ``options`` target and originator are
-    used.
-    """
-    found: list[dict[str, Any]] = []
-    for track in tracks:
-        rows = unclipped_rows(night.track_measurements(track))
-        places = ["FIRST", *["IN"] * (len(rows) - 2), "LAST"] if len(rows) > 1 else ["SINGLE"]
-        found += [
-            _record(night, track, row, place, options)
-            for row, place in zip(rows, places, strict=False)
-        ]
-    return json.dumps(found, indent=1, allow_nan=False) + "\n"
-
-
-def _record(
-    night: ExportedNight, track: int, row: MeasuredRow, place: str, options: "ExportOptions"
-) -> dict[str, Any]:
-    target = options.target
-    site = night.config.site.to_site()
-    east2, cross, north2 = row.cov_sky_arcsec2
-    cos_dec = max(math.cos(math.radians(row.dec_icrs_deg)), 1e-9)
-    record: dict[str, Any] = {
-        "classificationMarking": MARKING,
-        "dataMode": "SIMULATED" if night.is_simulated else "REAL",
-        "source": options.originator,
-        "obTime": utc_ns_to_iso(row.t_mid_utc_ns, 6),
-        "origSensorId": night.config.site.name,
-        "origObjectId": target.tdm_name(track),
-        "trackId": f"{night.name}-{track}",
-        "obPosition": place,
-        "uct": not target.is_known,
-        "referenceFrame": "GCRF",
-        "ra": round(row.ra_icrs_deg % 360.0, 9) % 360.0,
-        "raUnc": row.sigma_ra_arcsec / cos_dec / 3600.0,
-        "raMeasured": True,
-        "declination": round(row.dec_icrs_deg, 9),
-        "declinationUnc": row.sigma_dec_arcsec / 3600.0,
-        "declinationMeasured": True,
-        "senlat": site.latitude_deg,
-        "senlon": site.longitude_deg,
-        "senalt": site.elevation_m / 1000.0,
-        "descriptor": DESCRIPTOR,
-        "eoobservationDetails": {
-            "raCov": east2 / cos_dec**2 * _DEG2_PER_ARCSEC2,
-            "declinationCov": north2 * _DEG2_PER_ARCSEC2,
-            "raDeclinationCov": cross / cos_dec * _DEG2_PER_ARCSEC2,
-            "timesUnc": night.time_sigma_s(row),
-        },
-    }
-    if row.exposure_s is not None:
-        record["expDuration"] = row.exposure_s
-    if target.norad_id is not None:
-        record["satNo"] = target.norad_id
-    return record
-
+from rsoconsole.library.formats.udl import to_udl
 
 _NAMES = tuple(column.name for column in COLUMNS)
 TIME, DIRECTION = "t_mid_utc", "direction"
@@ -160,14 +92,14 @@ def _csv_field(value: Any) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl"]
+TextFormat = Literal["csv", "ecsv", "jsonl", "tdm", "tdm-xml", "iod", "udl", "score"]
 FrameFormat = Literal["fits", "regions"]
 Format = Literal[TextFormat, FrameFormat]
 TEXT_FORMATS: tuple[str, ...] = get_args(TextFormat)
 FRAME_FORMATS: tuple[str, ...] = get_args(FrameFormat)
-MESSAGES = ("tdm", "tdm-xml", "iod", "udl")
+MESSAGES = ("tdm", "tdm-xml", "iod", "udl", "score")
 """Formats that hold only measurements taken by tracks, as messages for others."""
-_ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json"}
+_ENDINGS: Mapping[str, str] = {"tdm-xml": "tdm.xml", "udl": "udl.json", "score": "score.csv"}
 FOLDER = Path("branches") / "exports"
 """Default folder of exports, relative to the session's folder."""
 _SUFFIXES: Mapping[FrameFormat, str] = {"fits": ".fits.fz", "regions": ".reg"}
@@ -180,9 +112,9 @@ class ExportOptions:
     everything: bool = False
     """True: tables also hold refused measurements and the results that a decision replaced."""
     track: int | None = None
-    """Id of the only track in TDM, IOD and UDL; None: all tracks."""
+    """Id of the only track in TDM, IOD, UDL and SCORE; None: all tracks."""
     target: Target = field(default_factory=Target)
-    """Catalogue numbers of the observed object, in TDM, IOD and UDL."""
+    """Catalogue numbers of the observed object, in TDM, IOD, UDL and SCORE."""
     station: str = STATION
     """Number of the observing station in IOD lines."""
     sky: str = " "
@@ -191,6 +123,8 @@ class ExportOptions:
     """True: IOD lines follow a comment with the station's place, as in posts to SeeSat-L."""
     originator: str = ORIGINATOR
     """Originator in TDM, source in UDL."""
+    score: ScoreOptions = field(default_factory=ScoreOptions)
+    """Observer, detector and filter in SCORE's table."""
     frames: tuple[int, ...] | None = None
     """Numbers of the only frames in FITS and regions; None: all frames."""
     is_forced: bool = False
@@ -309,14 +243,16 @@ def _messages(night: ExportedNight, kind: str, options: ExportOptions) -> tuple[
             "csv, ecsv and jsonl carry measurements that no track took"
         )
     text = _text_of(night, kind, tracks, options)
+    scored = scored_rows(sent) if kind == "score" else sent
     counted = {
+        "without a magnitude in V": len(sent) - len(scored),
         "cut by the frame's edge": len(taken) - len(sent),
         "taken by no track": sum(row.track is None for row in night.rows),
         "of other tracks": sum(row.track is not None for row in night.rows) - len(taken),
     }
     made = ExportResult(
         format=kind,
-        measurements=len(sent),
+        measurements=len(scored),
         tracks=len(tracks),
         left_out={words: number for words, number in counted.items() if number},
         is_simulated=night.is_simulated,
@@ -332,8 +268,10 @@ def _text_of(
             night, tracks, target=options.target, station=options.station, sky=options.sky
         )
         return site_line(night, options.station) + lines if options.site_line else lines
+    if kind == "score":
+        return to_score(night, tracks, target=options.target, options=options.score)
     if kind == "udl":
-        return to_udl(night, tracks, options)
+        return to_udl(night, tracks, target=options.target, source=options.originator)
     text = to_tdm(
         night,
         tracks,

@@ -7,7 +7,7 @@ from typing import Any
 
 from rsoconsole import __version__
 from rsoconsole.config import Config
-from rsoconsole.library.formats.rows import MeasuredRow, make_measured_row
+from rsoconsole.library.formats.rows import MeasuredRow, make_measured_row, rows_with_ranges
 from rsoconsole.night import NightFrame, frames_of
 from rsoconsole.pipeline import frame_timing, usual_timing_sigma_s
 from rsoconsole.records import (
@@ -17,6 +17,8 @@ from rsoconsole.records import (
     Identified,
     Measurement,
     NotFollowed,
+    OrbitEstimate,
+    Photometry,
     Ruling,
     TrackState,
 )
@@ -32,6 +34,8 @@ KINDS = (
     Ruling,
     FollowedAgain,
     Identified,
+    OrbitEstimate,
+    Photometry,
 )
 
 
@@ -53,6 +57,8 @@ class ExportedNight:
     """Last identification of each track, by track id."""
     taken: Mapping[int, FrameTaken] = field(default_factory=dict)
     """Records of the exposures, by frame number."""
+    photometry: Mapping[int, Photometry] = field(default_factory=dict)
+    """Brightness of the frames' streaks, and their zero points, by frame number."""
 
     @property
     def tracks(self) -> tuple[int, ...]:
@@ -130,6 +136,7 @@ def read_exported_night(session: Path, *, everything: bool = False) -> ExportedN
     config = reader.config()
     about.pop("config", None)
     frames = frames_of((record for _, _, record in reader.records(kinds=KINDS)), config)
+    orbits = {each.track_id: each for frame in frames for each in frame.orbits}
     rows = sorted(_rows(frames, everything), key=lambda row: row.t_mid_utc_ns)
     name = session.resolve().name
     return ExportedNight(
@@ -137,7 +144,8 @@ def read_exported_night(session: Path, *, everything: bool = False) -> ExportedN
         title=str(about.get("title") or name),
         config=config,
         about=about,
-        rows=tuple(rows),
+        rows=rows_with_ranges(rows, orbits, config.site.to_site()),
+        photometry={each.frame_id: each.photometry for each in frames if each.photometry},
         taken={each.frame_id: each.taken for each in frames if each.taken is not None},
         clock_notes=clock_fault_lines(reader),
         names={found.track_id: found for frame in frames for found in frame.names},

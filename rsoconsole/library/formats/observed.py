@@ -246,6 +246,8 @@ def _plain_record(record: object, name: str, number: int) -> dict[str, object]:
             "station": record.get("origSensorId") or record.get("idSensor"),
             "lat_deg": record.get("senlat"),
             "lon_deg": record.get("senlon"),
+            "mag": record.get("mag"),
+            "mag_sigma": record.get("magUnc"),
         }
         height_km = record.get("senalt")
         row["alt_m"] = None if height_km is None else 1000.0 * float(height_km)
@@ -292,7 +294,7 @@ def _sound(read: ReadRows) -> ReadRows:
     known: dict[ObservedRow, str] = {}
     for each in read.rows:
         fault = _fault(each)
-        key = replace(each, where="")
+        key = replace(each, where="", mag=None, mag_sigma=None, band=None)
         if fault:
             faults.append(f"{each.where}: {fault}")
         elif key in known:

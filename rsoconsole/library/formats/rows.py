@@ -1,12 +1,24 @@
 """Rows of exported tables: a measurement with the results of its track, and their columns."""
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, get_args
 
 from rsoconsole.night import FRAME_FACTS, NightFrame, frame_quantities
-from rsoconsole.records import TABLES, Column, ColumnType, Measurement, TrackState, column_value
+from rsoconsole.orbits import reduced_magnitude
+from rsoconsole.pipeline import RangeAndPhase, ranges_by_orbit
+from rsoconsole.records import (
+    TABLES,
+    Column,
+    ColumnType,
+    Measurement,
+    OrbitEstimate,
+    Site,
+    StreakLight,
+    TrackState,
+    column_value,
+)
 from rsoconsole.sky import wrap_360
 from rsoconsole.tracking import sky_covariance_arcsec2, sky_rate_arcsec_s
 from rsoconsole.words import utc_ns_to_iso
@@ -60,6 +72,19 @@ class MeasuredRow:
     updated_dec_icrs_deg: Annotated[float | None, "the track after it"] = None
     rate_ra_arcsec_s: Annotated[float | None, "motion of the track, times cos Dec"] = None
     rate_dec_arcsec_s: Annotated[float | None, "motion of the track"] = None
+    mag: Annotated[float | None, AS_RECORDED] = None
+    mag_sigma: Annotated[float | None, AS_RECORDED] = None
+    """One sigma of ``mag`` by noise and zero point, without the object's unknown colour."""
+    mag_sigma_colour: Annotated[float | None, AS_RECORDED] = None
+    band: Annotated[str | None, AS_RECORDED] = None
+    """"V", or "instrumental" where no star gave a zero point."""
+    is_saturated: Annotated[bool | None, AS_RECORDED] = None
+    """True where the streak has saturated pixels: the object is brighter than ``mag``."""
+    range_km: Annotated[float | None, "distance by the track's last orbit, light time out"] = None
+    """None without an orbit, and where its label says that it determines no distance."""
+    phase_deg: Annotated[float | None, "angle at the object between Sun and site, by it"] = None
+    reduced_mag: Annotated[float | None, "mag at 1000 km, 90 deg, as of a diffuse sphere"] = None
+    """Of magnitudes in V of streaks that are not saturated; never without ``mag``."""
     is_superseded: Annotated[bool, "counts no more, by the operator's word"]
     """True where a decision of the operator replaced this result; only in exports of everything."""
     beside: tuple[tuple[str, Any], ...] = ()
@@ -69,6 +94,18 @@ class MeasuredRow:
         """Return the value in a column; None where the column is empty."""
         found = dict(self.beside)
         return found[name] if name in found else getattr(self, name, None)
+
+    @property
+    def sigma_mag(self) -> float | None:
+        """One sigma of ``mag`` with everything in it: noise, zero point and colour."""
+        if self.mag_sigma is None:
+            return None
+        return math.hypot(self.mag_sigma, self.mag_sigma_colour or 0.0)
+
+    @property
+    def mag_v(self) -> float | None:
+        """Apparent magnitude in V; None without a zero point, and of a saturated streak."""
+        return self.mag if self.band == "V" and not self.is_saturated else None
 
     @property
     def t_mid_utc(self) -> str:
@@ -84,7 +121,7 @@ class MeasuredRow:
 
 _RECORDED = {
     column.name: column
-    for name in ("image_quality", "photometry", "frames", "measurements")
+    for name in ("image_quality", "photometry", "magnitudes", "frames", "measurements")
     for column in TABLES[name].columns
 }
 
@@ -155,6 +192,7 @@ def make_measured_row(
         dec_a_icrs_deg=end_a[1],
         ra_b_icrs_deg=end_b[0],
         dec_b_icrs_deg=end_b[1],
+        **_light(frame.light_of(measurement.measurement_id)),
         **_predicted(predicted),
         **_corrected(corrected, nis),
         beside=(
@@ -162,6 +200,36 @@ def make_measured_row(
             *frame_quantities(frame).items(),
         ),
     )
+
+
+def rows_with_ranges(
+    rows: Sequence[MeasuredRow], orbits: Mapping[int, OrbitEstimate], site: Site
+) -> tuple[MeasuredRow, ...]:
+    """Return the rows, with distance, phase and reduced magnitude where an orbit gives them.
+
+    ``orbits``: last orbit of each track, by track id.
+    """
+    found = list(rows)
+    for track, orbit in orbits.items():
+        own = [n for n, row in enumerate(rows) if row.track == track]
+        ranges = ranges_by_orbit(orbit, site, [rows[n].t_mid_utc_ns for n in own])
+        for n, each in zip(own, ranges, strict=True):
+            if each is not None:
+                found[n] = _with_range(rows[n], each)
+    return tuple(found)
+
+
+def _with_range(row: MeasuredRow, found: RangeAndPhase) -> MeasuredRow:
+    mag, (range_km, phase_deg) = row.mag_v, found
+    reduced = None if mag is None else reduced_magnitude(mag, range_km, phase_deg)
+    return replace(row, range_km=range_km, phase_deg=phase_deg, reduced_mag=reduced)
+
+
+_OF_LIGHT = ("mag", "mag_sigma", "mag_sigma_colour", "band", "is_saturated")
+
+
+def _light(light: StreakLight | None) -> dict[str, Any]:
+    return {} if light is None else {name: getattr(light, name) for name in _OF_LIGHT}
 
 
 def _predicted(state: TrackState | None) -> dict[str, Any]:

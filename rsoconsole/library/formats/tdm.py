@@ -4,7 +4,9 @@ One segment a track, in keyword = value form: right ascension and declination in
 mid-exposure, UTC. The standard has no keyword for the error of an angle; here the errors of each
 epoch stand in a comment of the data section, ``SIGMA epoch sigma_ra_arcsec sigma_dec_arcsec
 correlation`` (sigma_ra on the sky, times cos Dec), which ``_tdm_reader`` reads and every other
-reader ignores.
+reader ignores. Magnitudes in V are ``MAG`` records of the same epochs, as observed: nothing is
+corrected for distance or phase, so there is no ``CORRECTION_MAG``. Their errors stand in comments
+``SIGMA_MAG epoch sigma``.
 
 Directions are ICRS but called EME2000, the name that readers of angles expect: the two differ by
 0.02 arcsec, less than any error here. The directions are relative to catalogue stars, so that they
@@ -38,6 +40,7 @@ from rsoconsole.words import shutter_words, utc_ns_to_iso
 
 VERSION = "2.0"
 ANGLE_DECIMALS = 9
+MAG_DECIMALS = 4
 LONGEST_LINE = 254
 ORIGINATOR = "RSOCONSOLE"
 EQUATOR_KM_S = 7.292115e-5 * 6378.137
@@ -87,10 +90,22 @@ def _segment(
     for row in rows:
         errors = f"{row.sigma_ra_arcsec:.6g} {row.sigma_dec_arcsec:.6g} {row.correlation:.4f}"
         yield f"COMMENT SIGMA {_epoch(row.t_mid_utc_ns)} {errors}"
+    yield from _magnitude_comments(rows)
     for row in rows:
-        yield f"ANGLE_1 = {_epoch(row.t_mid_utc_ns)} {_ra(row.ra_icrs_deg)}"
-        yield f"ANGLE_2 = {_epoch(row.t_mid_utc_ns)} {_dec(row.dec_icrs_deg)}"
+        epoch = _epoch(row.t_mid_utc_ns)
+        yield f"ANGLE_1 = {epoch} {_ra(row.ra_icrs_deg)}"
+        yield f"ANGLE_2 = {epoch} {_dec(row.dec_icrs_deg)}"
+        if row.mag_v is not None:
+            yield f"MAG = {epoch} {row.mag_v:.{MAG_DECIMALS}f}"
     yield "DATA_STOP"
+
+
+def _magnitude_comments(rows: tuple[MeasuredRow, ...]) -> Iterator[str]:
+    if any(row.mag_v is not None for row in rows):
+        yield "COMMENT MAG: apparent magnitude in Johnson V by catalogue stars in the same frame"
+    for row in rows:
+        if row.mag_v is not None and row.sigma_mag is not None:
+            yield f"COMMENT SIGMA_MAG {_epoch(row.t_mid_utc_ns)} {row.sigma_mag:.{MAG_DECIMALS}f}"
 
 
 def _metadata(
@@ -121,7 +136,8 @@ def _metadata(
     yield "COMMENT SIGMA in the data section: epoch, RA times cos Dec (arcsec), Dec (arcsec),"
     yield "COMMENT correlation of both"
     yield f"TRACK_ID = {_name(PurePath(night.name).name)}_{track}"
-    yield "DATA_TYPES = ANGLE_1,ANGLE_2"
+    has_magnitudes = any(row.mag_v is not None for row in rows)
+    yield f"DATA_TYPES = ANGLE_1,ANGLE_2{',MAG' if has_magnitudes else ''}"
     yield "TIME_SYSTEM = UTC"
     yield f"START_TIME = {_epoch(rows[0].t_mid_utc_ns)}"
     yield f"STOP_TIME = {_epoch(rows[-1].t_mid_utc_ns)}"

@@ -191,9 +191,9 @@ class Session(SessionPictures):
     ) -> Path:
         """Write the session in another format, as ``rsoconsole export`` does; return the path.
 
-        ``format``: csv, ecsv, jsonl, tdm, iod, fits, regions or html; ``force``: overwrite an
-        existing file. Raises ExportError for another format, and for an existing file (unless
-        ``force``).
+        ``format``: csv, ecsv, jsonl, tdm, tdm-xml, iod, udl, fits, regions or html; for score
+        ``rso.to_score`` asks for what it needs. ``force``: overwrite an existing file. Raises
+        ExportError for another format, and for an existing file (unless ``force``).
         """
         from rsoconsole.library.formats.api import ExportOptions, export, save_text
 
