@@ -33,6 +33,8 @@ _LOCAL_PEAKS = 12
 """Reach of the noise level about a frequency, to both sides, in widths of a peak."""
 _PER_PARAMETER = 7.0
 """Gain in -2 ln likelihood that a further parameter must bring: about one in a thousand."""
+_WINDOW_PEAK = 0.25
+"""Power of the spectral window, 1 at most, from which slow changes have an image there."""
 _ALIKE = 10.0
 """Difference in -2 ln likelihood below which two periods fit alike."""
 
@@ -100,7 +102,8 @@ def find_period(curve: LightCurve) -> PeriodSearch:
     if not searched:
         return PeriodSearch(points=points)
     probability = min(1.0, len(searched) * min(each.probability for each in searched))
-    period = _best_period(data, searched) if probability < CLAIM_PROBABILITY else None
+    sure = [e for e in searched if len(searched) * e.probability < CLAIM_PROBABILITY]
+    period = _best_period(data, sure) if sure else None
     return PeriodSearch(
         points=points,
         false_alarm_probability=probability,
@@ -119,7 +122,7 @@ def _of_streaks(data: LightData) -> _Periodogram | None:
     window = MIN_CYCLES / data.span_s, 1.0 / shortest_s
     fit, *_ = np.linalg.lstsq(data.basis / data.sigma[:, None], data.light / data.sigma, rcond=None)
     values = data.light - data.basis @ fit
-    return _periodogram((data.t_s, values, data.sigma), window, data.span_s)
+    return _periodogram((data.t_s, values, data.sigma), window, data.span_s, has_images=True)
 
 
 def _of_steps(data: LightData) -> _Periodogram | None:
@@ -129,13 +132,16 @@ def _of_steps(data: LightData) -> _Periodogram | None:
     span_s = float(np.ptp(data.step_t_s))
     slowest = max(MIN_CYCLES / span_s, 0.5 / data.streak_s)
     window = slowest, 1.0 / (MIN_STEPS_A_PERIOD * data.step_s)
-    return _periodogram((data.step_t_s, data.step_light, data.step_sigma), window, span_s)
+    points = data.step_t_s, data.step_light, data.step_sigma
+    return _periodogram(points, window, span_s, has_images=False)
 
 
 def _periodogram(
     points: tuple[FloatArray, FloatArray, FloatArray],
     window_hz: tuple[float, float],
     span_s: float,
+    *,
+    has_images: bool,
 ) -> _Periodogram | None:
     from astropy.timeseries import LombScargle
 
@@ -148,6 +154,8 @@ def _periodogram(
     found = LombScargle(t_s, values, sigma)
     powers = found.power(frequencies, method="fast", assume_regular_frequency=True)
     powers = np.clip(np.nan_to_num(powers), 0.0, 1.0 - 1e-15)
+    if has_images:
+        powers[_is_image_of_slow(frequencies, t_s, MIN_CYCLES / span_s)] = 0.0
     # Noise that is not white, and steps that are not independent, raise the power about a
     # frequency: a peak is compared with what surrounds it.
     freedom = (t_s.size - 3) / 2.0
@@ -158,6 +166,24 @@ def _periodogram(
         min(best, 1.0 - 1e-15), method="baluev", maximum_frequency=float(frequencies[-1])
     )
     return _Periodogram(frequencies, powers, float(probability))
+
+
+def _is_image_of_slow(frequencies: FloatArray, t_s: FloatArray, slow_hz: float) -> Any:
+    """True for frequencies at which the cadence shows changes slower than those searched.
+
+    They lie about the peaks of the spectral window: multiples of the cadence's frequency.
+    """
+    step = frequencies[1] - frequencies[0]
+    grid = np.arange(0.0, float(frequencies[-1]) + slow_hz + step, step)
+    window = np.zeros(grid.size)
+    for at in range(0, grid.size, 4096):
+        phase = np.exp(2j * np.pi * np.outer(grid[at : at + 4096], t_s))
+        window[at : at + 4096] = np.abs(phase.mean(axis=1)) ** 2
+    peaks = grid[(window > _WINDOW_PEAK) & (grid > slow_hz)]
+    nearest = np.searchsorted(peaks, frequencies)
+    padded = np.concatenate([[-np.inf], peaks, [np.inf]])
+    away = np.minimum(frequencies - padded[nearest], padded[nearest + 1] - frequencies)
+    return away < slow_hz
 
 
 def _level(logs: FloatArray) -> FloatArray:
@@ -208,8 +234,7 @@ def _shaped(data: LightData, one: HarmonicFit, window_hz: tuple[float, float]) -
         for harmonics in range(max(fraction, 2), MAX_HARMONICS + 1):
             if harmonics * base_hz > window_hz[1] * 1.0001:
                 break
-            found = fit_harmonics(data, base_hz, harmonics)
-            found = _refined(data, found, width / fraction)
+            found = _refined(data, fit_harmonics(data, base_hz, harmonics), width / fraction)
             more = 2.0 * (harmonics - best.harmonics)
             if found.cost + _PER_PARAMETER * more < best.cost:
                 best = found
@@ -217,18 +242,18 @@ def _shaped(data: LightData, one: HarmonicFit, window_hz: tuple[float, float]) -
 
 
 def _refined(data: LightData, fit: HarmonicFit, width_hz: float) -> HarmonicFit:
-    """The fit at the frequency nearby that fits best."""
-    from scipy.optimize import minimize_scalar
-
-    reach = 0.3 * width_hz
-    found = minimize_scalar(
-        lambda hz: fit_harmonics(data, float(hz), fit.harmonics).cost,
-        bounds=(fit.frequency_hz - reach, fit.frequency_hz + reach),
-        method="bounded",
-        options={"xatol": 1e-4 * width_hz, "maxiter": 20},
-    )
-    better = fit_harmonics(data, float(found.x), fit.harmonics)
-    return better if better.cost < fit.cost else fit
+    """The fit at the frequency nearby that fits best: by parabolas through three costs."""
+    best = fit
+    for reach in (0.15 * width_hz, 0.03 * width_hz):
+        low, high = (
+            fit_harmonics(data, best.frequency_hz + off, best.harmonics) for off in (-reach, reach)
+        )
+        bend = low.cost - 2.0 * best.cost + high.cost
+        shift = reach * (0.5 * (low.cost - high.cost) / bend if bend > 0.0 else 0.0)
+        shift = min(max(shift, -2.0 * reach), 2.0 * reach)
+        at = fit_harmonics(data, best.frequency_hz + shift, best.harmonics)
+        best = min((best, low, high, at), key=lambda each: each.cost)
+    return best
 
 
 def _period(data: LightData, fit: HarmonicFit, others: tuple[float, ...]) -> LightPeriod:
