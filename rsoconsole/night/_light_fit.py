@@ -17,6 +17,8 @@ TREND_ORDER = 3
 """Order of the polynomial in time that stands for phase angle, range and air mass."""
 MIN_STEPS = 5
 """Smallest number of steps of a streak that are used as such."""
+SHARED_NOISE = 2.0
+"""Number of steps with the information of an independent one: neighbours share a star's width."""
 _FITS = 4
 """Number of fits in which the noise of the two levels settles."""
 
@@ -117,7 +119,7 @@ def light_data(curve: LightCurve) -> LightData | None:
 
 
 def _basis(t_s: FloatArray, reach_s: float, order: int) -> FloatArray:
-    return np.polynomial.legendre.legvander(2.0 * t_s / reach_s - 1.0, order)
+    return np.asarray(np.polynomial.legendre.legvander(2.0 * t_s / reach_s - 1.0, order), float)
 
 
 def _positive(trend: FloatArray, light: FloatArray) -> FloatArray:
@@ -137,7 +139,7 @@ class HarmonicFit(NamedTuple):
     cost: float
     """-2 ln of the likelihood, up to a constant, with the noise of both levels from the fit."""
     coefficients: FloatArray
-    """Cosine and sine of each harmonic in turn, (2 x harmonics,), of light relative to its trend."""
+    """Cosine and sine of each harmonic in turn, (2 x harmonics,), of light by its trend."""
 
 
 class _Level(NamedTuple):
@@ -146,7 +148,7 @@ class _Level(NamedTuple):
     gram: FloatArray
     right: FloatArray
     square: float
-    freedom: int
+    freedom: float
 
     def chi2(self, solution: FloatArray) -> float:
         value = self.square - 2.0 * solution @ self.right + solution @ self.gram @ solution
@@ -176,6 +178,7 @@ def fit_harmonics(data: LightData, frequency_hz: float, harmonics: int) -> Harmo
             data.starts.size,
         ),
     ]
+    levels[1] = levels[1]._replace(freedom=levels[1].freedom / SHARED_NOISE)
     used = [each for each in levels if each.freedom > 2 * harmonics]
     if not used:
         return HarmonicFit(frequency_hz, harmonics, np.inf, np.zeros(2 * harmonics))
@@ -184,7 +187,7 @@ def fit_harmonics(data: LightData, frequency_hz: float, harmonics: int) -> Harmo
     for _ in range(_FITS):
         gram = sum((each.gram / s for each, s in zip(used, scales, strict=True)), np.zeros(1))
         right = sum((each.right / s for each, s in zip(used, scales, strict=True)), np.zeros(1))
-        solution = np.linalg.lstsq(gram, right, rcond=1e-10)[0]
+        solution = np.asarray(np.linalg.lstsq(gram, right, rcond=1e-10)[0], float)
         scales = [each.chi2(solution) / each.freedom for each in used]
     cost = sum(each.freedom * np.log(s) for each, s in zip(used, scales, strict=True))
     return HarmonicFit(frequency_hz, harmonics, float(cost), solution[order:])
@@ -192,7 +195,9 @@ def fit_harmonics(data: LightData, frequency_hz: float, harmonics: int) -> Harmo
 
 def _level(columns: FloatArray, values: FloatArray, sigma: FloatArray, fixed: int) -> _Level:
     columns, values = columns / sigma[:, None], values / sigma
-    return _Level(columns.T @ columns, columns.T @ values, float(values @ values), len(values) - fixed)
+    return _Level(
+        columns.T @ columns, columns.T @ values, float(values @ values), len(values) - fixed
+    )
 
 
 def _waves(t_s: FloatArray, frequency_hz: float, harmonics: int) -> FloatArray:

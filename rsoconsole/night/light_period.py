@@ -126,11 +126,11 @@ def _of_streaks(data: LightData) -> _Periodogram | None:
 
 
 def _of_steps(data: LightData) -> _Periodogram | None:
-    """Periodogram of the changes along streaks, from two streaks' time to a few steps."""
+    """Periodogram of the changes along streaks, from four streaks' time to a few steps."""
     if data.step_t_s.size < MIN_POINTS or data.step_s <= 0.0:
         return None
     span_s = float(np.ptp(data.step_t_s))
-    slowest = max(MIN_CYCLES / span_s, 0.5 / data.streak_s)
+    slowest = max(MIN_CYCLES / span_s, 0.25 / data.streak_s)
     window = slowest, 1.0 / (MIN_STEPS_A_PERIOD * data.step_s)
     points = data.step_t_s, data.step_light, data.step_sigma
     return _periodogram(points, window, span_s, has_images=False)
@@ -150,7 +150,7 @@ def _periodogram(
     count = min(int((highest - lowest) / step) + 1, MAX_FREQUENCIES)
     if count < 2:
         return None
-    frequencies = lowest + step * np.arange(count)
+    frequencies = np.asarray(lowest + step * np.arange(count), float)
     found = LombScargle(t_s, values, sigma)
     powers = found.power(frequencies, method="fast", assume_regular_frequency=True)
     powers = np.clip(np.nan_to_num(powers), 0.0, 1.0 - 1e-15)

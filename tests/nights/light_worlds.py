@@ -5,7 +5,7 @@ streak as an image is, and given noise and transparency; nothing of it uses the 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,12 +69,15 @@ def light_records(world: LightWorld) -> list[Record]:
         if any(first <= number <= last for first, last in world.gaps):
             continue
         measured = geo_measurement(
-            number, cadence_s=world.cadence_s, exposure_s=world.exposure_s, measurement_id=f"{number}-0"
+            number,
+            cadence_s=world.cadence_s,
+            exposure_s=world.exposure_s,
+            measurement_id=f"{number}-0",
         )
         t_ns = geo_measurement(1).t_mid_utc_ns + round(t_s * NS)
-        measured = _with(measured, t_mid_utc_ns=t_ns)
+        measured = replace(measured, t_mid_utc_ns=t_ns)
         if world.is_b_first and measured.ends_icrs_deg is not None:
-            measured = _with(measured, ends_icrs_deg=measured.ends_icrs_deg[::-1])
+            measured = replace(measured, ends_icrs_deg=measured.ends_icrs_deg[::-1])
         light = _streak_light(world, t_s, random, (full_rate * cloud, error_mag))
         records += [
             FrameTaken(
@@ -92,7 +95,7 @@ def light_records(world: LightWorld) -> list[Record]:
             _state(number, measured),
             Photometry(
                 frame_id=number,
-                streaks=(_with(light, is_saturated=number in world.flags),),
+                streaks=(replace(light, is_saturated=number in world.flags),),
                 zero_point_mag=ZERO_POINT_MAG + 2.5 * np.log10(cloud) + error_mag,
                 zero_point_sigma_mag=world.zero_point_sigma_mag,
                 zero_point_stars=30,
@@ -100,12 +103,6 @@ def light_records(world: LightWorld) -> list[Record]:
             ),
         ]
     return records
-
-
-def _with(record: Any, **changes: Any) -> Any:
-    from dataclasses import replace
-
-    return replace(record, **changes)
 
 
 def _streak_light(
@@ -131,7 +128,9 @@ def _streak_light(
     whole_sigma = rate_scale / world.snr
     # The noise of the whole streak is that of its steps together.
     whole = rate_scale * float(light.mean()) + float((rates - rate_scale * means).mean())
-    zero_point = ZERO_POINT_MAG + 2.5 * np.log10(rate_scale / 10.0 ** (-0.4 * (world.mag - ZERO_POINT_MAG)))
+    zero_point = ZERO_POINT_MAG + 2.5 * np.log10(
+        rate_scale / 10.0 ** (-0.4 * (world.mag - ZERO_POINT_MAG))
+    )
     mag = zero_point + error_mag - 2.5 * np.log10(whole) if whole > 0.0 else None
     if world.is_b_first:
         rates = rates[::-1]
@@ -149,7 +148,9 @@ def _streak_light(
         mag_sigma_colour=0.05,
         steps=tuple(
             LightStep(
-                t_s=float(middles[k]), rate_adu_s=float(rates[k]), rate_sigma_adu_s=float(step_sigma)
+                t_s=float(middles[k]),
+                rate_adu_s=float(rates[k]),
+                rate_sigma_adu_s=float(step_sigma),
             )
             for k in range(count)
         )
@@ -182,8 +183,8 @@ def _state(number: int, measured: Measurement) -> TrackState:
 
 def sinusoid(period_s: float, peak_to_peak_mag: float = 0.5, phase: float = 0.0) -> Light:
     """Light whose magnitude is a sinusoid."""
-    return lambda t_s: 10.0 ** (
-        -0.2 * peak_to_peak_mag * np.sin(2.0 * np.pi * np.asarray(t_s) / period_s + phase)
+    return lambda t_s: (
+        10.0 ** (-0.2 * peak_to_peak_mag * np.sin(2.0 * np.pi * np.asarray(t_s) / period_s + phase))
     )
 
 
