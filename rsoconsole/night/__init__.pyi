@@ -47,5 +47,8 @@ from .quality import since_last_change as since_last_change
 from .table_rows import Logged as Logged
 from .table_rows import Row as Row
 from .table_rows import public_table_rows as public_table_rows
+from .track_light import TrackLight as TrackLight
+from .track_light import track_light as track_light
+from .track_light import tracks_with_light as tracks_with_light
 from .tracks import NightTrack as NightTrack
 from .tracks import tracks_of as tracks_of

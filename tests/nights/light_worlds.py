@@ -6,10 +6,12 @@ streak as an image is, and given noise and transparency; nothing of it uses the 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from rsoconsole.config import Config
 from rsoconsole.records import (
     Detections,
     FrameTaken,
@@ -20,7 +22,8 @@ from rsoconsole.records import (
     StreakLight,
     TrackState,
 )
-from tests.makers import NS, geo_measurement
+from rsoconsole.session import SessionWriter
+from tests.makers import NS, T0_UTC_NS, geo_measurement
 
 Light = Callable[[Any], Any]
 """Relative light at seconds since the first frame's middle, an array."""
@@ -103,6 +106,16 @@ def light_records(world: LightWorld) -> list[Record]:
             ),
         ]
     return records
+
+
+def record_light(folder: Path, world: LightWorld) -> Path:
+    """A closed session of the night; returns its folder."""
+    writer = SessionWriter.create(folder, Config(), {"title": "bright", "is_simulated": True})
+    for record in light_records(world):
+        writer.append(record, T0_UTC_NS + getattr(record, "frame_id", 0) * 20 * NS)
+    writer.close()
+    assert not writer.faults
+    return folder
 
 
 def _streak_light(
