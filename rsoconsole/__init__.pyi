@@ -5,6 +5,7 @@ from .base import OrbitError as OrbitError
 from .base import RsoconsoleError as RsoconsoleError
 from .base import SessionError as SessionError
 from .library import Identification as Identification
+from .library import LightCurve as LightCurve
 from .library import LivePanel as LivePanel
 from .library import Orbit as Orbit
 from .library import PlateWCS as PlateWCS
@@ -14,6 +15,7 @@ from .library import Tracks as Tracks
 from .library import crossings as crossings
 from .library import detect as detect
 from .library import identify as identify
+from .library import lightcurve as lightcurve
 from .library import live_panel as live_panel
 from .library import measure as measure
 from .library import open_session as open_session

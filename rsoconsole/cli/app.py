@@ -22,6 +22,7 @@ from rsoconsole.cli.recorded import (
     frames,
     identify,
     ledger,
+    lightcurve,
     orbit,
     review,
     sessions,
@@ -65,7 +66,7 @@ _add(orbit.orbit, identify.identify, passes.passes, crossings.crossings)
 app.command("what-if", cls=what_if.SetOptionCommand)(what_if.what_if)
 app.command("calibrate-time")(calibrate_time.calibrate_time)
 app.command("calibrate-elements")(calibrate_elements.calibrate_elements)
-_add(setup.doctor, export.figures, export.export)
+_add(lightcurve.lightcurve, setup.doctor, export.figures, export.export)
 for name, group in (
     ("ledger", ledger.ledger_app),
     ("config", setup.config_app),

@@ -17,6 +17,8 @@ from .identification import Identification as Identification
 from .identification import identify as identify
 from .known_orbit import Orbit as Orbit
 from .known_orbit import orbit as orbit
+from .light_curve import LightCurve as LightCurve
+from .light_curve import lightcurve as lightcurve
 from .measurement import measure as measure
 from .notebook.figures.figures import write_figures as write_figures
 from .notebook.panel.panel import LivePanel as LivePanel

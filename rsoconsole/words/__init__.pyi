@@ -24,6 +24,10 @@ from .faults import NOT_SHOWN as NOT_SHOWN
 from .faults import TAKE_DARK as TAKE_DARK
 from .faults import direction_fault as direction_fault
 from .faults import no_night_text as no_night_text
+from .light import false_alarm_words as false_alarm_words
+from .light import glint_words as glint_words
+from .light import no_period_words as no_period_words
+from .light import period_words as period_words
 from .orbits import approach_words as approach_words
 from .orbits import catalogued_name as catalogued_name
 from .orbits import due_words as due_words

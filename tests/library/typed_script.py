@@ -18,6 +18,7 @@ tracks = rso.track(measured, preset="adaptive")
 found = rso.orbit(tracks[1], prior="slot")
 name = rso.identify(found, tle="catalogue.tle")
 night = rso.open_session("night")
+curve = rso.lightcurve(night, track=2)
 
 reveal_type(plate)  # is rsoconsole.library.plate.PlateWCS
 reveal_type(plate.matched)  # is int
@@ -33,6 +34,8 @@ reveal_type(rso.identify(tracks))  # is dict[int, rsoconsole.library.identificat
 reveal_type(rso.identify(night))  # is dict[int, rsoconsole.library.identification.Identification]
 reveal_type(night)  # is rsoconsole.library.notebook.session.Session
 reveal_type(night.tracks[2].orbit)  # is rsoconsole.records.steps.OrbitEstimate | None
+reveal_type(curve)  # is rsoconsole.library.light_curve.LightCurve
+reveal_type(curve.period)  # is rsoconsole.night.light_period.LightPeriod | None
 reveal_type(rso.__version__)  # is str
 reveal_type(rso.to_udl(night, norad=36097))  # is str
 a, b = "a@b.org", "0000-0002-1825-0097"
@@ -54,6 +57,7 @@ rso.identify(found, gate="wide")  # error: call-overload
 found.omm("yaml")  # error: arg-type
 found.sigma  # error: attr-defined
 name.name.upper()  # error: union-attr
+rso.lightcurve(3)  # error: arg-type
 rso.tracks  # error: attr-defined
 rso.to_udl(night, norad="36097")  # error: arg-type
 rso.to_score(night, norad=1, observer_email=a)  # error: call-arg

@@ -11,7 +11,15 @@ from rsoconsole.library.notebook.night.night import (
     make_drawn_night,
     session_title,
 )
-from rsoconsole.night import LeadSummary, Logged, NightFrames, NightTrack, lead_summary, tracks_of
+from rsoconsole.night import (
+    LeadSummary,
+    Logged,
+    NightFrame,
+    NightFrames,
+    NightTrack,
+    lead_summary,
+    tracks_of,
+)
 from rsoconsole.session import SessionReader
 
 
@@ -71,6 +79,11 @@ class RecordedSession(NightPlots):
         >>> night.tracks[2].orbit.a_km, night.tracks[2].name
         """
         return tracks_of(self._frames.kept_frames())
+
+    @property
+    def night_frames(self) -> tuple[NightFrame, ...]:
+        """Frames read so far, each with everything on record of it."""
+        return tuple(self._frames.kept_frames())
 
     @property
     def records(self) -> tuple[Logged, ...]:

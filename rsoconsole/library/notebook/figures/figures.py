@@ -9,12 +9,14 @@ innovations with their own bounds.
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rsoconsole.base import SessionError, system_errors_as
 from rsoconsole.control import one_line
+from rsoconsole.library.notebook.figures.draw_light import draw_light, has_light
 from rsoconsole.library.notebook.figures.draw_sky import (
     draw_errors,
     draw_track,
@@ -57,6 +59,7 @@ DRAWINGS = {
 }
 """Recipes of the figures by name, in the order in which they are written."""
 QUALITY = FigureRecipe(name="quality", draw=draw_quality, height_in=6.0, needs_track=False)
+LIGHT = FigureRecipe(name="lightcurve", draw=draw_light, needs_track=False)
 
 
 def has_track(night: DrawnNight) -> bool:
@@ -84,6 +87,8 @@ def write_figures(
     """
     night = read_drawn_night(session)
     drawings = [each for each in DRAWINGS.values() if has_track(night) or not each.needs_track]
+    if has_light(night):
+        drawings.append(LIGHT)
     if truth is not None and has_track(night):
         places = read_truth(truth, night)
         drawings.append(
@@ -154,6 +159,18 @@ class NightPlots(ABC):
     def plot_quality(self, figure: Any = None) -> "Figure":
         """Plot image and sky quality of each frame: width of its stars, background and so on."""
         return self._plot(QUALITY, figure)
+
+    def plot_lightcurve(self, figure: Any = None, *, track: int | None = None) -> "Figure":
+        """Plot a track's magnitude against time, and by the phase of its period if it has one.
+
+        ``track``: its number; None: the track of the most streaks with a brightness. Raises
+        SessionError where no brightness is on record.
+        """
+        nights = self.nights()
+        if not any(has_light(night, track) for night in nights):
+            of = "no track" if track is None else f"not of track {track}"
+            raise SessionError(f"{nights[0].title}: brightness is on record of {of}")
+        return self._plot(replace(LIGHT, draw=partial(draw_light, track=track)), figure)
 
     def _plot(self, drawing: FigureRecipe, figure: Any) -> "Figure":
         nights = self.nights()

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.library.formats.rows import MeasuredRow
-from rsoconsole.library.notebook.figures.figures import DRAWINGS, has_track
+from rsoconsole.library.notebook.figures.draw_light import has_light
+from rsoconsole.library.notebook.figures.figures import DRAWINGS, LIGHT, has_track
 from rsoconsole.library.notebook.night.night import DrawnNight
 from rsoconsole.night import NightFrame
 from rsoconsole.records import Solution
@@ -173,13 +174,13 @@ _HEIGHTS_IN = {3.0: 2.8, 5.0: 4.6}
 
 
 def inline_figures(night: DrawnNight, with_firsts: DrawnNight) -> dict[str, str]:
-    """Return the paper's figures as SVG by name; without a track only the confidence.
+    """Return figures as SVG by name: the paper's (without a track the confidence), light curve.
 
     The SVG is well-formed and refers to nothing outside the page. ``with_firsts``: the night in
     which measurements that began a track also count as assigned to it; for the confidence.
     """
     drawn = {}
-    for drawing in DRAWINGS.values():
+    for drawing in (*DRAWINGS.values(), *((LIGHT,) if has_light(night) else ())):
         if drawing.needs_track and not has_track(night):
             continue
         name = drawing.name.removeprefix("track_")

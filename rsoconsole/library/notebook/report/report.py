@@ -24,6 +24,7 @@ from rsoconsole.library.notebook.report._report_facts import (
     read_log_lines,
     summarise_tracks,
 )
+from rsoconsole.library.notebook.report._report_light import MAX_TRACKS, summarise_light
 from rsoconsole.library.notebook.report._report_pictures import inline_figures, report_frames
 from rsoconsole.night import (
     FRAME_FACTS,
@@ -212,6 +213,7 @@ def render_report(session: Path) -> Report:
     tracks = summarise_tracks(exported.rows, known)
     said = filter_consistency_text(night)
     shown = report_frames(session, night, exported.rows)
+    lights = summarise_light(night.frames)
     rows, changes = exported.rows, exported.about.get("tried")
     html = (
         _environment()
@@ -228,6 +230,8 @@ def render_report(session: Path) -> Report:
             verdict=_conclusion(night, figures, tracks, said),
             key_figures=_key_figures(figures, course),
             tracks=tracks,
+            lights=lights[:MAX_TRACKS],
+            lights_left_out=max(len(lights) - MAX_TRACKS, 0),
             pairs=pairs[:MAX_PAIRS],
             pairs_left_out=max(len(pairs) - MAX_PAIRS, 0),
             unseen=unseen,
