@@ -32,6 +32,7 @@ from .leaps import LeapDone as LeapDone
 from .leaps import LeapOrder as LeapOrder
 from .leaps import LeapResult as LeapResult
 from .leaps import LowPass as LowPass
+from .photometry import Band as Band
 from .photometry import LightStep as LightStep
 from .photometry import Photometry as Photometry
 from .photometry import StreakLight as StreakLight

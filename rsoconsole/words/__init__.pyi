@@ -24,6 +24,10 @@ from .faults import NOT_SHOWN as NOT_SHOWN
 from .faults import TAKE_DARK as TAKE_DARK
 from .faults import direction_fault as direction_fault
 from .faults import no_night_text as no_night_text
+from .light import BAND_WORDS as BAND_WORDS
+from .light import light_detail_words as light_detail_words
+from .light import light_words as light_words
+from .light import magnitude_words as magnitude_words
 from .orbits import approach_words as approach_words
 from .orbits import catalogued_name as catalogued_name
 from .orbits import due_words as due_words
