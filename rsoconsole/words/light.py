@@ -1,5 +1,7 @@
 """Brightness in a few words: "mag 12.41±.03 V", "mag -9.31±.03 inst"."""
 
+from collections.abc import Iterable
+
 from rsoconsole.records import Band, StreakLight
 from rsoconsole.words.angles import plus_minus
 
@@ -49,3 +51,24 @@ def light_detail_words(light: StreakLight | None) -> list[str]:
         "blended with stars" if light.is_blended else "",
     )
     return [each for each in parts if each]
+
+
+def column_band(bands: Iterable[Band | None]) -> Band:
+    """Return the band of a column of magnitudes: instrumental only where all of them are."""
+    known = {band for band in bands if band is not None}
+    return "instrumental" if known == {"instrumental"} else "V"
+
+
+def column_head(band: Band) -> str:
+    """Return the head of a column of magnitudes in a band: mag, inst."""
+    return "mag" if band == "V" else BAND_WORDS[band]
+
+
+def column_words(mag: float | None, band: Band | None, column: Band) -> str:
+    """Format a magnitude in a column of the band ``column``: its figure, "-" where not known.
+
+    One of another band has no figure there, which would be read in the column's: inst.
+    """
+    if mag is None or band is None:
+        return "-"
+    return f"{mag:.2f}" if band == column else BAND_WORDS[band]

@@ -17,11 +17,13 @@ from rsoconsole.control import NextAim, next_aim_parts, one_line, track_state_wo
 from rsoconsole.night import FollowedTrack, NightView
 from rsoconsole.records import Band, PairMotion
 from rsoconsole.words import (
-    BAND_WORDS,
     KEPT,
     NS_PER_S,
     angle,
     approach_words,
+    column_band,
+    column_head,
+    column_words,
     duration_words,
     identity_words,
     magnitude_words,
@@ -277,24 +279,18 @@ def _has_light(night: NightView) -> bool:
     return any(track.light is not None for track in night.tracks)
 
 
-def _bands(night: NightView) -> set[Band]:
-    """Return the bands of the tracks' magnitudes."""
+def _band(night: NightView) -> Band:
+    """Return the band of the column of magnitudes."""
     lights = (track.light for track in night.tracks)
-    return {light.band for light in lights if light is not None and light.mag is not None}
-
-
-def _light_head(night: NightView) -> str:
-    return BAND_WORDS["instrumental"] if _bands(night) == {"instrumental"} else "mag"
+    return column_band(light.band for light in lights if light is not None)
 
 
 def _light(night: NightView, track: FollowedTrack, _now: int | None) -> str:
-    """Return the magnitude; only its band where that is not the one of the column."""
     light = track.light
-    if light is None or light.mag is None:
+    if light is None:
         return "-"
-    if light.band == "instrumental" and _bands(night) != {"instrumental"}:
-        return BAND_WORDS[light.band]
-    return f"<{light.mag:.1f}" if light.is_saturated else f"{light.mag:.2f}"
+    words = column_words(light.mag, light.band, _band(night))
+    return f"<{words}" if light.is_saturated and light.mag is not None else words
 
 
 def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
@@ -324,7 +320,14 @@ _COLUMNS = (
     _Column(head="resid", width=5, rank=3, words=_residual),
     _Column(head="NIS", width=4, rank=4, words=_nis),
     _Column(head="SNR", width=4, rank=5, words=lambda _n, track, _t: number(track.snr, ".0f")),
-    _Column(head="mag", width=6, rank=6, words=_light, is_shown=_has_light, head_in=_light_head),
+    _Column(
+        head="mag",
+        width=6,
+        rank=6,
+        words=_light,
+        is_shown=_has_light,
+        head_in=lambda night: column_head(_band(night)),
+    ),
     _Column(head="age", width=6, rank=7, words=_age),
     _Column(head="orbit", width=5, rank=8, words=_orbit, is_left=True),
 )
