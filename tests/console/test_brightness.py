@@ -5,7 +5,11 @@ from pathlib import Path
 import pytest
 
 from rsoconsole.console.dialogs.candidates import candidate_lines
-from rsoconsole.console.drawing.plot import Line
+from rsoconsole.console.drawing.light_plot import LightMark, light_plot
+from rsoconsole.console.drawing.plot import AXIS_COLUMNS, Line
+from rsoconsole.console.night.engine_view import EngineView
+from rsoconsole.console.words.facts import figure_lines
+from rsoconsole.console.words.light_curve import light_curve_lines
 from rsoconsole.console.words.track_lines import track_list_lines
 from rsoconsole.night import Night, frames_of, light_of_streak
 from rsoconsole.records import FollowedAgain, Photometry, TrackState
@@ -146,3 +150,92 @@ def test_a_candidate_of_a_frame_without_a_plate_has_its_magnitude_by_its_number(
     (frame,) = frames_of(records)
     found = [light_of_streak(frame, each) for each in frame.detected_streaks]
     assert [light.mag for light in found if light is not None] == [-8.0, -7.0]
+
+
+def row_of(drawn: list[str], column: int) -> int:
+    """The row in which a mark of that column of the plot stands."""
+    signs = {"●", "▲", "▼"}
+    return next(n for n, line in enumerate(drawn) if line[AXIS_COLUMNS + column] in signs)
+
+
+def test_the_brightest_is_at_the_top_with_its_error_about_it():
+    mags = (12.0, 11.0, 13.0)
+    marks = [LightMark(mag=mag, sigma=0.3) for mag in mags]
+    drawn = words(light_plot([None, *marks], AXIS_COLUMNS + 4, 12)).splitlines()
+    rows = [row_of(drawn, column) for column in (1, 2, 3)]
+    assert rows[1] < rows[0] < rows[2]
+    assert drawn[0].startswith("10.70")
+    assert drawn[-1].startswith("13.30")
+    assert [line[AXIS_COLUMNS + 1] for line in drawn[rows[0] - 1 : rows[0] + 2]] == ["░", "●", "░"]
+    assert not any(line[AXIS_COLUMNS] in "●░" for line in drawn)
+
+
+def test_a_steady_light_is_drawn_steady():
+    marks = [LightMark(mag=12.0 + 0.001 * n, sigma=0.02) for n in range(8)]
+    drawn = words(light_plot(marks, AXIS_COLUMNS + 8, 12)).splitlines()
+    rows = [row_of(drawn, column) for column in range(8)]
+    assert max(rows) - min(rows) <= 1
+
+
+def test_what_is_saturated_is_an_arrow_up():
+    drawn = words(light_plot([LightMark(mag=8.0, is_saturated=True)], AXIS_COLUMNS + 3, 6))
+    assert "▲" in drawn
+    assert "●" not in drawn
+
+
+def test_the_page_tells_the_leads_brightness_or_that_of_the_chosen_track():
+    night = night_of(6, light=lambda n: eight.light_of(n, TWO)).view()
+    said = words(light_curve_lines(night, None, 60, 16))
+    assert said.splitlines()[0].startswith("─ brightness mag 12.00±.03 V")
+    assert "median 12.00 of 6 · scatter ±.00 · errors ±.03" in said
+    assert said.count("●") == 6
+    assert len(said.splitlines()) == 16
+    assert "╵" in said.splitlines()[-1]
+    assert "track 1: brightness mag 11.00" in words(
+        light_curve_lines(night, night.tracks[0], 60, 16)
+    )
+
+
+def test_the_page_says_plainly_where_there_is_nothing_to_show():
+    for night in (Night(Path("empty"), {}, None), night_of(4, light=lambda _: None)):
+        for size in ((35, 17), (60, 3), (20, 1)):
+            lines = light_curve_lines(night.view(), None, *size)
+            assert 0 < len(lines) <= size[1]
+            assert "brightness" in words(lines)
+            assert all(len(line) <= size[0] for line in words(lines).splitlines())
+
+
+def test_the_page_keeps_bands_apart_and_says_so():
+    def light(n: int) -> Photometry:
+        return eight.light_of(n, TWO, band="instrumental" if n < 3 else "V")
+
+    said = words(light_curve_lines(night_of(6, light=light).view(), None, 60, 16))
+    assert said.count("●") == 4
+    assert "2 of another band left out" in said
+    all_inst = night_of(4, light=lambda n: eight.light_of(n, TWO, band="instrumental"))
+    said = words(light_curve_lines(all_inst.view(), None, 60, 16))
+    assert "mag 12.00±.03 inst" in said
+    assert "no zero point" in said
+
+
+@pytest.mark.parametrize("size", [(35, 17), (47, 14), (60, 5), (30, 2)])
+def test_the_page_fits_its_place(size):
+    lines = light_curve_lines(night_of(40).view(), None, *size)
+    assert len(lines) <= size[1]
+    assert all(len(line) <= size[0] for line in words(lines).splitlines())
+
+
+def test_a_new_leads_page_has_none_of_the_brightness_of_the_lead_before():
+    night = night_of(4)
+    for n in (5, 6):
+        for record in eight.story(n, since=1, tracks=TWO, lead=1, light=eight.light_of(n)):
+            night.fold_record(t_of(n), record)
+    said = words(light_curve_lines(night.view(), None, 60, 16))
+    assert "median 11.00 of 6" in said  # its own from the first frame on, beside the other lead
+
+
+def test_the_leads_magnitude_stands_with_its_motion():
+    view = EngineView(reach="recorded")
+    assert "mag 12.00±.03 V" in words(figure_lines(night_of(3).view(), view, None, 80, 3))
+    without = night_of(3, light=lambda _: None).view()
+    assert "mag" not in words(figure_lines(without, view, None, 80, 3))
