@@ -33,17 +33,17 @@ def light_words(
     return f"mag {figure} {BAND_WORDS[band]}"
 
 
-def light_detail_words(light: StreakLight | None) -> list[str]:
+def light_detail_words(light: StreakLight | None, *, with_colour: bool = True) -> list[str]:
     """Return a streak's magnitude in full, as a list; empty where its light was not measured.
 
-    After the magnitude come what the object's unknown colour adds to its sigma, and what else is
-    to be known of it.
+    After the magnitude come what the object's unknown colour adds to its sigma, unless
+    ``with_colour`` is False, and what else is to be known of it.
     """
     if light is None:
         return []
     if light.mag is None:
         return ["no magnitude: its light is lost in the noise"]
-    colour = light.mag_sigma_colour
+    colour = light.mag_sigma_colour if with_colour else None
     parts = (
         magnitude_words(light),
         f"±{colour:.2f} by its unknown colour" if colour is not None else "",

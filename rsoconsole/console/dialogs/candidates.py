@@ -164,7 +164,8 @@ def _lines(
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
     confidence = short_figure(streak.confidence)
     head = f"  {confidence:>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
-    parts = (*light_detail_words(light), streak_name(streak), streak_pulse_words(streak))
+    bright = light_detail_words(light, with_colour=False)
+    parts = (*bright, streak_name(streak), streak_pulse_words(streak))
     named = "; ".join(words for words in parts if words)
     return [
         head,
