@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from rsoconsole.orbits import Identification, MeasuredDirections, identify_jointly
-from rsoconsole.records import Detection, Measurement, Site
+from rsoconsole.records import Detection, Measurement, Site, StreakLight
 
 T0_UTC_NS = 1_687_400_000_000_000_000
 NS = 1_000_000_000
@@ -76,6 +76,23 @@ def straight_detection(
         "method": "line",
     }
     return Detection(**(values | other))
+
+
+def streak_light(measurement_id: str, mag: float | None = 12.41, **other: Any) -> StreakLight:
+    """Brightness of a streak in V, by default at an SNR of 40."""
+    rate_adu_s = 100.0 if mag is None else 10.0 ** (0.4 * (22.0 - mag))
+    values: dict[str, Any] = {
+        "measurement_id": measurement_id,
+        "flux_adu": 10.0 * rate_adu_s,
+        "flux_sigma_adu": 0.25 * rate_adu_s,
+        "rate_adu_s": rate_adu_s,
+        "rate_sigma_adu_s": 0.025 * rate_adu_s,
+        "band": "V",
+        "mag": mag,
+        "mag_sigma": None if mag is None else 0.03,
+        "mag_sigma_colour": 0.07,
+    }
+    return StreakLight(**(values | other))
 
 
 def identify(seen: MeasuredDirections, site: Site, entries: Any, **asked: Any) -> Identification:

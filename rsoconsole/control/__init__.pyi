@@ -69,6 +69,7 @@ from .status_words import next_aim_parts as next_aim_parts
 from .status_words import preview_lines as preview_lines
 from .status_words import shutter_words as shutter_words
 from .status_words import time_to_limit_s as time_to_limit_s
+from .status_words import track_magnitude_words as track_magnitude_words
 from .status_words import track_state_words as track_state_words
 from .status_words import track_table as track_table
 from .stop import IN_ENGINE as IN_ENGINE

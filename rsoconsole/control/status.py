@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.control.fields import read_record, to_json_types
-from rsoconsole.records import PairMotion, StopOutcome, UnseenMember
+from rsoconsole.records import Band, PairMotion, StopOutcome, UnseenMember
 from rsoconsole.words import measured_text, stop_order_text
 
 SCHEMA = 1
@@ -134,6 +134,14 @@ class TrackStatus:
     nis: float | None = None
     snr: float | None = None
     """Integrated SNR of the track's last streak."""
+    mag: float | None = None
+    """Apparent magnitude of that streak in ``band``."""
+    mag_sigma: float | None = None
+    """One sigma of ``mag`` by noise and zero point, without the object's unknown colour."""
+    band: Band | None = None
+    """V, or instrumental where no zero point is known: 0 mag is then 1 ADU a second."""
+    is_saturated: bool = False
+    """True where that streak is saturated: it is brighter than ``mag``."""
     is_in_next_field: bool | None = None
     """True where the streak and its 3-sigma bounds fit into the field of the next aim."""
 
@@ -213,6 +221,10 @@ class Status:
     """Time at which the shutter closes, UTC ns; None while it is closed."""
     next_start_utc_ns: int | None = None
     """Time at which the next exposure is to begin, UTC ns; None while that is not planned."""
+    zero_point_mag: float | None = None
+    """Magnitude that gives 1 ADU a second in the last frame; None: no plate, or too few stars."""
+    limiting_mag: float | None = None
+    """Magnitude of a star with an SNR of 5 in the last frame; None without a zero point."""
     tracks: tuple[TrackStatus, ...] = ()
     next_aim: NextAim | None = None
     """Where the exposure after the present one looks; None without a track."""

@@ -5,13 +5,18 @@ from typing import Literal
 from rsoconsole.control.fields import MovePreview
 from rsoconsole.control.status import NextAim, Status, TrackStatus
 from rsoconsole.control.wire import one_line
+from rsoconsole.records import Band
 from rsoconsole.words import (
     NS_PER_S,
     altaz,
+    column_band,
+    column_head,
+    column_words,
     direction,
     duration_words,
     format_dec,
     format_ra,
+    light_words,
     rate_text,
     utc_text,
 )
@@ -169,17 +174,36 @@ def preview_lines(preview: MovePreview | None, ending: str = "") -> list[str]:
 
 
 NAME_COLUMNS = 22
-_HEAD = (
-    f"track {'name':<{NAME_COLUMNS}} {'state':<9} {'age':>6} {'residual/arcsec':>15}"
-    f" {'NIS':>5} {'SNR':>5} next"
-)
+MAG_COLUMNS = 6
 
 
 def track_table(status: Status) -> list[str]:
-    """Return a heading and a line for each track, of at most 80 columns; empty without tracks."""
-    if not status.tracks:
+    """Return a heading and a line for each track, of at most 80 columns; empty without tracks.
+
+    Magnitudes have a column where one is known, headed "inst" where all are instrumental.
+    """
+    tracks = status.tracks
+    if not tracks:
         return []
-    return [_HEAD, *map(_row, status.tracks)]
+    is_lit = any(each.mag is not None for each in tracks)
+    band = column_band(each.band for each in tracks) if is_lit else None
+    mag = "" if band is None else f" {column_head(band):>{MAG_COLUMNS}}"
+    head = (
+        f"track {'name':<{_name_columns(band)}} {'state':<9} {'age':>6} {'residual/arcsec':>15}"
+        f" {'NIS':>5} {'SNR':>5}{mag} next"
+    )
+    return [head, *(_row(each, band) for each in tracks)]
+
+
+def _name_columns(band: Band | None) -> int:
+    """Return the columns of a name, ``band`` being that of the column of magnitudes, if any."""
+    return NAME_COLUMNS if band is None else NAME_COLUMNS - MAG_COLUMNS + 1
+
+
+def track_magnitude_words(track: TrackStatus) -> str:
+    """Format a track's magnitude with its sigma and band: mag 12.41±.03 V; empty: not known."""
+    is_saturated = track.is_saturated
+    return light_words(track.mag, track.mag_sigma, track.band, is_saturated=is_saturated)
 
 
 def next_aim_parts(aim: NextAim) -> list[str]:
@@ -200,19 +224,21 @@ def track_state_words(state: str, misses: int, *, is_kept: bool) -> str:
     return f"{state} {misses or ''}".rstrip() + ("+" if is_kept else "")
 
 
-def _row(track: TrackStatus) -> str:
-    name = one_line(track.name or "-")
-    if len(name) > NAME_COLUMNS:
-        name = f"{name[: NAME_COLUMNS - 1]}…"
+def _row(track: TrackStatus, band: Band | None) -> str:
+    name, columns = one_line(track.name or "-"), _name_columns(band)
+    if len(name) > columns:
+        name = f"{name[: columns - 1]}…"
     state = track_state_words(track.state, track.misses, is_kept=track.is_kept)
     east, north = track.residual_east_arcsec, track.residual_north_arcsec
     off = "-" if east is None or north is None else f"{east:+.2f} {north:+.2f}"
     age = "-" if track.age_s is None else duration_words(track.age_s)
     is_in = {True: "in", False: "out", None: "-"}[track.is_in_next_field]
+    mag = "" if band is None else column_words(track.mag, track.band, band)
     return (
-        f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{NAME_COLUMNS}}"
+        f"{track.track_id:>4}{'*' if track.is_lead else ' '} {name:<{columns}}"
         f" {state:<9} {age:>6} {off:>15}"
-        f" {_figure(track.nis, 1):>5} {_figure(track.snr, 0):>5} {is_in}"
+        f" {_figure(track.nis, 1):>5} {_figure(track.snr, 0):>5}"
+        f"{mag and f' {mag:>{MAG_COLUMNS}}'} {is_in}"
     )
 
 

@@ -1,3 +1,4 @@
+from .brightness import light_of_streak as light_of_streak
 from .current_tracks import FollowedTrack as FollowedTrack
 from .figures import FigureAccumulator as FigureAccumulator
 from .figures import LeadSummary as LeadSummary

@@ -5,9 +5,11 @@ from dataclasses import dataclass, field, replace
 
 from rsoconsole.night.frame import (
     FrameRow,
+    NightFrame,
     is_measurement_of,
     predicted_sigma_arcsec,
     track_number_text,
+    without_steps,
 )
 from rsoconsole.records import (
     FOLLOWING,
@@ -19,9 +21,11 @@ from rsoconsole.records import (
     Miss,
     PairMotion,
     PairMotions,
+    Photometry,
     Record,
     Ruling,
     StateChange,
+    StreakLight,
     TrackState,
 )
 from rsoconsole.tracking import ON_TRIAL
@@ -54,8 +58,13 @@ class FollowedTrack:
     nis: float | None = None
     snr: float | None = None
     """Integrated SNR of the last streak measured; None where its light was not measured."""
+    light: StreakLight | None = None
+    """Brightness of its last measurement, without steps; None where it is not on record.
+
+    Until the photometry of that frame is on record, that of the measurement before.
+    """
     rows: tuple[FrameRow, ...] = ()
-    """Rows of its frames, oldest first, at most ``MAX_ROWS``: its residual, NIS and miss."""
+    """Rows of its frames, oldest first, at most ``MAX_ROWS``: residual, NIS, miss, brightness."""
 
     @property
     def track_id(self) -> int:
@@ -109,20 +118,23 @@ def tracks_after(  # noqa: PLR0911 -- one case a kind
     now: CurrentTracks,
     record: Record,
     t_utc_ns: int,
-    measurements: tuple[Measurement, ...],
-    found: Detections | None,
+    frame: NightFrame,
 ) -> CurrentTracks:
     """Fold one record into the tracks; return the tracks after it.
 
-    ``t_utc_ns``: time of the record; ``measurements``, ``found``: of the record's frame.
+    ``t_utc_ns``: time of the record; ``frame``: the record's frame with the record in it.
     """
     match record:
-        case FrameTaken() | CycleTiming():
+        case FrameTaken():
             return _settled(now)
+        case CycleTiming():
+            return _settled(_with_light(now, frame))
+        case Photometry():
+            return _with_light(now, frame)
         case FollowedAgain():
             return _before(_settled(now), record.frame_id)
         case TrackState():
-            return _with_state(now, record, t_utc_ns, measurements, found)
+            return _with_state(now, record, t_utc_ns, frame)
         case Miss():
             return _with_miss(now, record)
         case StateChange():
@@ -180,11 +192,7 @@ def _before(now: CurrentTracks, frame_id: int) -> CurrentTracks:
 
 
 def _with_state(
-    now: CurrentTracks,
-    record: TrackState,
-    t_utc_ns: int,
-    measurements: tuple[Measurement, ...],
-    found: Detections | None,
+    now: CurrentTracks, record: TrackState, t_utc_ns: int, frame: NightFrame
 ) -> CurrentTracks:
     number = record.track_id
     known = now.tracks.get(number)
@@ -202,11 +210,14 @@ def _with_state(
         residual_arcsec=record.innovation_arcsec,
         sigma_arcsec=record.sigma_innovation_arcsec or predicted_sigma_arcsec(record),
         nis=record.nis,
+        measurement_id=record.measurement_id if is_measured else None,
+        light=without_steps(frame.light_of(record.measurement_id)) if is_measured else None,
     )
     rows = (*_without(known.rows, record.frame_id), row)[-MAX_ROWS:]
     track = replace(known, state=record, is_lead=record.is_lead, rows=rows)
     if is_measured:
-        taken = next((m for m in measurements if m.measurement_id == record.measurement_id), None)
+        named = record.measurement_id
+        taken = next((m for m in frame.all_measurements if m.measurement_id == named), None)
         track = replace(
             track,
             measured_frame_id=record.frame_id,
@@ -214,13 +225,36 @@ def _with_state(
             measured_px=None if taken is None else (taken.x_px, taken.y_px),
             residual_arcsec=record.innovation_arcsec,
             nis=record.nis,
-            snr=None if taken is None else _snr_of(taken, found),
+            snr=None if taken is None else _snr_of(taken, frame.detections),
+            light=known.light if frame.photometry is None else row.light,
         )
     others = {n: each for n, each in now.tracks.items() if n != record.replaces}
     if record.is_lead:  # one alone
         others = {n: replace(each, is_lead=False) for n, each in others.items()}
     in_frame = now.in_frame if number in now.in_frame else (*now.in_frame, number)
     return replace(now, tracks={**others, number: track}, in_frame=in_frame)
+
+
+def _with_light(now: CurrentTracks, frame: NightFrame) -> CurrentTracks:
+    """Enter a frame's photometry, which comes behind its tracks; without one, that there is none.
+
+    ``frame``: with all its records, or with its photometry.
+    """
+    tracks = {number: _lit(each, frame) for number, each in now.tracks.items()}
+    return replace(now, tracks=tracks)
+
+
+def _lit(track: FollowedTrack, frame: NightFrame) -> FollowedTrack:
+    """Return a track with the brightness of its streak in a frame, if it took one there."""
+    row = next((r for r in reversed(track.rows) if r.frame_id == frame.frame_id), None)
+    if row is None or row.measurement_id is None:
+        return track
+    light = without_steps(frame.light_of(row.measurement_id))
+    last = light if track.measured_frame_id == frame.frame_id else track.light
+    if (light, last) == (row.light, track.light):
+        return track
+    rows = tuple(replace(each, light=light) if each is row else each for each in track.rows)
+    return replace(track, rows=rows, light=last)
 
 
 def _without(rows: tuple[FrameRow, ...], frame_id: int) -> tuple[FrameRow, ...]:

@@ -227,6 +227,11 @@ class NightFrame:
         return next((s for s in streaks if s.measurement_id == measurement_id), None)
 
     @property
+    def lead_light(self) -> StreakLight | None:
+        """Brightness of the streak that the lead track took; None where it was not measured."""
+        return None if self.updated is None else self.light_of(self.updated.measurement_id)
+
+    @property
     def lead_measured(self) -> Measurement | None:
         """The measurement that the lead track took; None where it took none."""
         named = None if self.updated is None else self.updated.measurement_id
@@ -327,6 +332,10 @@ class FrameRow:
     is_cloudy: bool = False
     is_by_orbit: bool = False
     """True where the innovation is relative to the orbit's prediction: the filter's had failed."""
+    measurement_id: str | None = None
+    """The measurement that the track took in the frame; None where it took none."""
+    light: StreakLight | None = None
+    """Brightness of that measurement, without its steps; None where it is not on record."""
 
     @property
     def fwhm_px(self) -> float | None:
@@ -359,6 +368,8 @@ def frame_row(frame: NightFrame) -> FrameRow:
         facts=frame_quantities(frame),
         is_solved=None if plate is None else isinstance(plate, Solution),
         is_cloudy=any(each.kind in CLOUD for each in hidden_by),
+        measurement_id=None if updated is None else updated.measurement_id,
+        light=without_steps(frame.lead_light),
     )
     if updated is not None and updated.innovation_arcsec is not None:
         row = replace(
@@ -372,6 +383,11 @@ def frame_row(frame: NightFrame) -> FrameRow:
         place = (plate.ra_icrs_deg, plate.dec_icrs_deg)
         row = replace(row, plate_icrs_deg=place, rotation_deg=plate.rotation_deg)
     return row
+
+
+def without_steps(light: StreakLight | None) -> StreakLight | None:
+    """Return a streak's brightness without its steps, which a whole night would make too many."""
+    return None if light is None else replace(light, steps=())
 
 
 def track_number_text(track_id: int, *, is_lead: bool) -> str:

@@ -178,9 +178,7 @@ class Night:
         self._fold(record, t_utc_ns)
         frame = self.frames.frame_by_id(getattr(record, "frame_id", None) or 0)
         is_one_of_several = len(self._tracks.tracks) > 1
-        self._tracks = tracks_after(
-            self._tracks, record, t_utc_ns, frame.all_measurements, frame.detections
-        )
+        self._tracks = tracks_after(self._tracks, record, t_utc_ns, frame)
         is_blank = is_without_detection(record)
         beside = rejected_words(frame.detections, self.frames.tau) if is_blank else ""
         line = line_of(record, t_utc_ns, beside, is_one_of_several=is_one_of_several)

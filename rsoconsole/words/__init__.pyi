@@ -24,8 +24,15 @@ from .faults import NOT_SHOWN as NOT_SHOWN
 from .faults import TAKE_DARK as TAKE_DARK
 from .faults import direction_fault as direction_fault
 from .faults import no_night_text as no_night_text
+from .light import BAND_WORDS as BAND_WORDS
+from .light import column_band as column_band
+from .light import column_head as column_head
+from .light import column_words as column_words
 from .light import false_alarm_words as false_alarm_words
 from .light import glint_words as glint_words
+from .light import light_detail_words as light_detail_words
+from .light import light_words as light_words
+from .light import magnitude_words as magnitude_words
 from .light import no_period_words as no_period_words
 from .light import period_words as period_words
 from .orbits import approach_words as approach_words

@@ -3,7 +3,8 @@
 from collections import Counter
 from collections.abc import Iterable
 
-from rsoconsole.records import Detection
+from rsoconsole.records import Detection, StreakLight
+from rsoconsole.words.light import light_detail_words
 
 PLAIN = ("satellite", "undetermined")
 
@@ -43,10 +44,19 @@ def streak_size_words(streak: Detection) -> str:
     return f"{streak.length_px:.0f}×{streak.width_px:.1f} px"
 
 
-def streak_detail_words(streak: Detection) -> list[str]:
-    """Return a streak's size, SNR, name and pulse in words, as a list without empty items."""
+def streak_detail_words(streak: Detection, light: StreakLight | None = None) -> list[str]:
+    """Return a streak's size, SNR, magnitude, name and pulse, as a list without empty items.
+
+    ``light``: its brightness; None where it is not known.
+    """
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
-    parts = (streak_size_words(streak), snr, streak_name(streak), streak_pulse_words(streak))
+    parts = (
+        streak_size_words(streak),
+        snr,
+        *light_detail_words(light),
+        streak_name(streak),
+        streak_pulse_words(streak),
+    )
     return [each for each in parts if each]
 
 

@@ -21,6 +21,7 @@ from rsoconsole.engine import (
 from rsoconsole.engine.doctor import bench
 from rsoconsole.engine.doctor.bench import BenchResult, BenchStage, BenchSummary
 from rsoconsole.instruments import frame_from_bytes
+from rsoconsole.records import Photometry
 from rsoconsole.sky import iso_to_utc_ns
 from tests.rigs.pi_files import pi_files, put
 
@@ -40,7 +41,15 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[BenchResult, lis
     """One round, and what was told of it."""
     root = tmp_path_factory.mktemp("bench")
     config, told = settings(root / "nights" / "here"), list[str]()
-    result = run_benchmark(config, draw_bench_frame(config), report=told.append, budget_s=0.0)
+    result = run_benchmark(
+        config,
+        draw_bench_frame(config),
+        report=told.append,
+        budget_s=0.0,
+        measure_light=lambda frame, reduction: Photometry(
+            frame_id=frame.frame_id, limiting_mag=10.0 + len(reduction.detections.detections)
+        ),
+    )
     return result, told, root
 
 
@@ -62,6 +71,7 @@ def test_every_stage_is_measured_once_at_least_however_slow_the_machine(measured
     assert [each.repeats for each in result.stages] == [1] * len(seen)
     assert result.notes == ()
     assert result.detections >= 1
+    assert result.limiting_mag == 10.0 + result.detections
     assert (result.width_px, result.height_px) == (WIDE, HIGH)
     raw_bytes = 2 * WIDE * HIGH
     assert 0.1 * raw_bytes < result.compressed_bytes < raw_bytes
@@ -84,6 +94,7 @@ def test_rounds_go_on_while_there_is_time_and_the_first_does_not_count(
     class Instant:
         detections, compressed_bytes, size_px = 1, 1, (1, 1)
         notes = ("once", "once")
+        last = None
 
         def __init__(self, *_: object) -> None: ...
 
@@ -242,7 +253,19 @@ def test_the_table_names_machine_stages_and_verdict(configured: Path) -> None:
     assert lines[0] == machine_identity().words
     assert any(line.split()[:2] == ["total", "800.0"] for line in lines)
     assert any(line.startswith("exposures of 10 s every 30 s: held") for line in lines)
+    assert "1 streak detected, session.root on" in lines[1]
     assert "note:" not in run.stdout
+
+
+def test_the_table_says_how_faint_a_star_the_frame_shows(
+    configured: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["doctor", "--bench", "--config", str(configured)]
+    measured = dataclasses.replace(told(), limiting_mag=13.94)
+    monkeypatch.setattr(bench, "run_benchmark", lambda *_, **__: measured)
+    assert "detected, stars to 13.9 mag, session.root on" in CliRunner().invoke(app, words).stdout
+    as_json = CliRunner().invoke(app, [*words, "--json"]).stdout
+    assert json.loads(as_json.splitlines()[0])["limiting_mag"] == 13.94
 
 
 def test_json_is_machine_stages_and_verdict_and_a_no_is_exit_1(

@@ -205,11 +205,12 @@ def test_a_drift_near_the_meridian_is_put_down_to_the_azimuth_of_the_polar_axis(
 def test_each_page_comes_and_goes_by_its_key_and_the_plots_can_be_scrolled(wire: FakeWire):
     async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
         assert "╵" in pane(app, "axis")
-        for key, says in (("2", "background"), ("3", "focus"), ("4", "polar alignment")):
+        pages = {"2": "background", "3": "focus", "4": "polar alignment", "7": "brightness"}
+        for key, says in pages.items():
             await pilot.press(key)
             await until(pilot, lambda says=says: says in pane(app, "curves"))
             assert app.live.query_one("#curves").display
-        await pilot.press("4")
+        await pilot.press("7")
         await until(pilot, lambda: not app.live.query_one("#curves").display)
         await pilot.press("comma")
         # All of them are seen already.

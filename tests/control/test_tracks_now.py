@@ -1,6 +1,7 @@
 """Every track in the engine's status, and the next aim before the mount goes there."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -15,8 +16,9 @@ from rsoconsole.control import (
     status_json,
     track_table,
 )
-from rsoconsole.records import SlewCommand
+from rsoconsole.records import Photometry, SlewCommand
 from tests.cli.test_cli_telescope import engine_that, home, rsoconsole
+from tests.makers import streak_light
 from tests.nights import eight_tracks as eight
 from tests.pipeline.test_track_lead import night_of_two
 from tests.rigs.engine_rig import Rig, command_handler_of, told
@@ -79,6 +81,45 @@ def test_the_shell_lists_every_track_and_the_next_aim():
     assert read_status(told_of) == STATUS
 
 
+@pytest.mark.parametrize(
+    ("band", "head", "figure", "words"),
+    [
+        ("V", "mag", "12.41", "mag 12.41±.03 V"),
+        ("instrumental", "inst", "-9.31", "mag -9.31±.03 inst"),
+    ],
+)
+def test_the_shell_says_how_bright_each_track_is(band, head, figure, words):
+    lead = replace(TRACKS[0], mag=float(figure), mag_sigma=0.03, band=band)
+    lit = replace(STATUS, tracks=(lead, TRACKS[1]), limiting_mag=14.2, zero_point_mag=22.0)
+    with engine_that(lambda _: Outcome(ok=True, data=status_json(lit))):
+        plain, as_json = rsoconsole("status"), rsoconsole("status", "--json")
+    lines = plain.stdout.splitlines()
+    assert lines[0].endswith(f"frame 24 · {words}")
+    assert lines[1].split() == ["track", "name", *HEADS[:-1], head, "next"]
+    assert lines[2].split()[-3:] == ["61", figure, "in"]
+    assert lines[3].split()[-3:] == ["-", "-", "out"]
+    assert all(len(line) <= 80 for line in lines[1:4])
+    said = json.loads(as_json.stdout)
+    assert (said["limiting_mag"], said["zero_point_mag"]) == (14.2, 22.0)
+    assert [said["tracks"][0][key] for key in ("mag", "mag_sigma", "band")] == [
+        float(figure),
+        0.03,
+        band,
+    ]
+    assert read_status(said) == lit
+
+
+def test_an_instrumental_magnitude_among_others_in_v_has_no_figure():
+    tracks = (
+        replace(TRACKS[0], mag=12.41, mag_sigma=0.03, band="V"),
+        replace(TRACKS[1], mag=-9.3, mag_sigma=0.03, band="instrumental"),
+    )
+    head, first, second = track_table(replace(STATUS, tracks=tracks))
+    assert head.split()[-2:] == ["mag", "next"]
+    assert first.split()[-2:] == ["12.41", "in"]
+    assert second.split()[-2:] == ["inst", "out"]
+
+
 def test_one_track_alone_is_one_line_for_tmux():
     alone = Status(state="TRACK", holder="autonomy", frame_id=24, tracks=TRACKS[:1], next_aim=AIM)
     with engine_that(lambda _: Outcome(ok=True, data=status_json(alone))):
@@ -110,6 +151,28 @@ def test_the_engine_tells_each_track_as_its_last_frame_left_it():
     r.engine.commands.execute_waiting()
     said = status_of(r)
     assert (said.tracks, said.next_aim) == ((), None)
+
+
+def test_the_engine_tells_the_magnitude_of_what_each_track_took_last():
+    r = night_of_two()
+    first, second = (each.taken.measurement_id for each in r.engine.following.tracks)
+    assert status_of(r).limiting_mag is None
+    lights = (streak_light(first, 11.0), streak_light(second, 12.0, band="instrumental"))
+    frame_id = r.engine.frame_id
+    record = Photometry(frame_id=frame_id, streaks=lights, zero_point_mag=22.0, limiting_mag=14.2)
+    r.engine.frames.note_light(record)
+    said = status_of(r)
+    assert (said.zero_point_mag, said.limiting_mag) == (22.0, 14.2)
+    assert [each.mag for each in said.tracks] == [11.0, 12.0]
+    assert [each.band for each in said.tracks] == ["V", "instrumental"]
+    assert said.tracks[0].mag_sigma == 0.03
+    # Both are missed: the magnitudes of their last streaks stay, the frame's own do not.
+    r.reducer.frames = set()
+    r.engine.run(frames=frame_id + 1)
+    r.engine.frames.note_light(Photometry(frame_id=frame_id + 1))
+    said = status_of(r)
+    assert (said.zero_point_mag, said.limiting_mag) == (None, None)
+    assert [(each.state, each.mag) for each in said.tracks] == [("COAST", 11.0), ("COAST", 12.0)]
 
 
 def test_the_aim_after_the_next_is_told_before_the_mount_goes_there():

@@ -677,7 +677,11 @@ def test_prometheus_reads_the_status() -> None:
         is_slewing=False,
         health=(PartHealth(name='a "part"\\', ok=True, text="x"),),
         machine=Machine(cpu_temperature_c=51.5),
-        tracks=(TrackStatus(track_id=2, nis=1.5), TrackStatus(track_id=3)),
+        tracks=(
+            TrackStatus(track_id=2, nis=1.5, mag=12.41, band="V"),
+            TrackStatus(track_id=3, mag=-9.3, band="instrumental"),
+        ),
+        limiting_mag=14.2,
         now_utc_ns=1_700_000_000_123_456_789,
     )
     found = figures(metrics_text(told_))
@@ -686,6 +690,10 @@ def test_prometheus_reads_the_status() -> None:
     assert found["rsoconsole_state", "FAULT"] == 0.0
     assert found["rsoconsole_health_ok", 'a "part"\\'] == 1.0
     assert found["rsoconsole_track_nis", "2"] == 1.5
+    assert found["rsoconsole_limiting_magnitude",] == 14.2
+    assert found["rsoconsole_track_magnitude", "2"] == 12.41
+    assert ("rsoconsole_track_magnitude", "3") not in found
+    assert ("rsoconsole_zero_point_magnitude",) not in found
     assert found["rsoconsole_clock_seconds",] == pytest.approx(1_700_000_000.1234567)
     assert ("rsoconsole_parked",) not in found
     assert figures(metrics_text(None)) == {("rsoconsole_up",): 0.0}

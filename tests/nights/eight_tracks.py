@@ -15,12 +15,13 @@ from rsoconsole.records import (
     Miss,
     Missed,
     OrbitEstimate,
+    Photometry,
     Record,
     StateChange,
     TrackState,
 )
 from rsoconsole.session import SessionWriter
-from tests.makers import geo_measurement, straight_detection
+from tests.makers import geo_measurement, straight_detection, streak_light
 from tests.nights.made_up_night import (
     CADENCE_S,
     HEIGHT_PX,
@@ -76,12 +77,22 @@ def frame(
         yield from _of_track(n, t, lead, is_missed=t in missed, is_first=n == begun)
 
 
-def story(n: int, *, since: int, lead: int = 2, **more) -> Iterator[Record]:
-    """A frame, and how long it took."""
+def story(
+    n: int, *, since: int, lead: int = 2, light: Photometry | None = None, **more
+) -> Iterator[Record]:
+    """A frame, its photometry if any, and how long it took."""
     yield from frame(n, lead=lead, begun=since, **more)
     if n == since:
         yield _change(n, "ACQUIRE", "TRACK")
+    if light is not None:
+        yield light
     yield CycleTiming(frame_id=n, stage_ms={"total": 180.0})
+
+
+def light_of(n: int, tracks: Collection[int] = range(1, COUNT + 1), **other) -> Photometry:
+    """Photometry of a frame: track 1 has 11 mag, each next one a magnitude more."""
+    lights = tuple(streak_light(f"{n}-{t}", 10.0 + t, **other) for t in tracks)
+    return Photometry(frame_id=n, streaks=lights, zero_point_mag=22.0, limiting_mag=14.2)
 
 
 def night_of_eight(frames: int = 12, *, lead: int = 2, missed: Collection[int] = (3,)) -> Night:

@@ -52,6 +52,7 @@ def run_bench(config: Config, *, json_: bool) -> None:
             "width_px": result.width_px,
             "height_px": result.height_px,
             "detections": result.detections,
+            "limiting_mag": result.limiting_mag,
             "notes": notes,
         }
         output.emit_json({"kind": "machine", **machine})
@@ -62,7 +63,8 @@ def run_bench(config: Config, *, json_: bool) -> None:
         output.say(here.words)
         output.say(
             f"{result.width_px} x {result.height_px} px, {count_words(result.threads, 'thread')}, "
-            f"{count_words(result.detections, 'streak')} detected, session.root on "
+            f"{count_words(result.detections, 'streak')} detected, {_depth(result.limiting_mag)}"
+            "session.root on "
             f"{medium.kind}{f' {medium.device}' if medium.device else ''}"
             + _heat(before.cpu_temperature_c, after.cpu_temperature_c)
         )
@@ -76,6 +78,10 @@ def run_bench(config: Config, *, json_: bool) -> None:
         output.say(f"rounds counted: {max(stage.repeats for stage in result.stages)}")
         output.say(*summary_lines(summary), *(f"note: {note}" for note in notes))
     output.exit_if(not summary.is_fast_enough, "this machine does not hold what is configured")
+
+
+def _depth(limiting_mag: float | None) -> str:
+    return "" if limiting_mag is None else f"stars to {limiting_mag:.1f} mag, "
 
 
 def _heat(before_c: float | None, after_c: float | None) -> str:

@@ -43,6 +43,19 @@ def _families(status: Status | None) -> Iterator[tuple[str, str, list[Sample]]]:
     well: list[Sample] = [({"part": each.name}, float(each.ok)) for each in status.health]
     yield "health_ok", "1 where a part of machine or instruments is well.", well
     yield from _of_machine(status)
+    limiting = _known(status.limiting_mag)
+    yield "limiting_magnitude", "Of a star with an SNR of 5 in the last frame.", limiting
+    yield (
+        "zero_point_magnitude",
+        "Gives 1 ADU a second in the last frame.",
+        _known(status.zero_point_mag),
+    )
+    in_v: list[Sample] = [
+        ({"track": str(each.track_id)}, each.mag)
+        for each in status.tracks
+        if each.mag is not None and each.band == "V"
+    ]
+    yield "track_magnitude", "Apparent magnitude of the last streak, V.", in_v
     last = {each.track_id: each.nis for each in status.tracks if each.nis is not None}
     nis: list[Sample] = [({"track": str(number)}, value) for number, value in last.items()]
     yield "track_nis", "Normalised innovation squared of the last frame.", nis

@@ -175,6 +175,7 @@ def status(
         mount_holder_words,
         mount_words,
         read_status,
+        track_magnitude_words,
     )
 
     answer = ask_engine(ControlClient(socket, sender=Sender(name="status")), AskStatus())
@@ -193,6 +194,7 @@ def status(
         words.append(direction(status.ra_icrs_deg, status.dec_icrs_deg, "bare"))
     if status.alt_deg is not None and status.az_deg is not None:
         words.append(f"alt {status.alt_deg:.1f} az {status.az_deg:.1f}")
+    words += [track_magnitude_words(track) for track in status.tracks if track.is_lead]
     words.extend(mount_words(status))
     machine = status.machine or Machine()
     if machine.cpu_temperature_c is not None:
@@ -202,7 +204,7 @@ def status(
     if last is not None and not (last.is_at_rest or last.is_over):
         words.append(f"STOP {last.text}")
     words.extend(fault_words(status))
-    output.say(" · ".join(words), *status.mount_lacks)
+    output.say(" · ".join(word for word in words if word), *status.mount_lacks)
     _say_field(status)
 
 

@@ -12,6 +12,7 @@ from rsoconsole.console.drawing.plot import AXIS_COLUMNS
 from rsoconsole.console.panes.panes import Build
 from rsoconsole.console.words import panels
 from rsoconsole.console.words.curves import Page, alignment_lines, focus_lines, image_quality_lines
+from rsoconsole.console.words.light_curve import light_curve_lines
 from rsoconsole.console.words.panels import LIVE_STEP, PlotWindow, time_axis_lines
 from rsoconsole.console.words.track_lines import neighbour_lines, track_list_lines
 from rsoconsole.console.words.words import frame_clock_utc_ns
@@ -37,13 +38,14 @@ def night_of_track(night: NightView, track: FollowedTrack) -> NightView:
 
 
 class PlotActions(OperatorScreen):
-    """Draws a track's plots, or a page over them: image quality, focus, alignment, tracks."""
+    """Draws a track's plots, or a page over them: quality, focus, alignment, tracks, light."""
 
     PAGES: ClassVar[dict[Page, str]] = {
         "quality": "sharpness, sky, transparency and stars over the night",
         "focus": "focus",
         "alignment": "pointing drift and polar alignment",
         "tracks": "the tracks of the field",
+        "light": "magnitude over the frames",
     }
 
     _sigmas_on_trial: Mapping[int, tuple[float, float]] = MappingProxyType({})
@@ -90,6 +92,8 @@ class PlotActions(OperatorScreen):
             self.pane("curves").show(partial(focus_lines, night))
         elif self.page == "alignment":
             self.pane("curves").show(partial(alignment_lines, night))
+        elif self.page == "light":
+            self.pane("curves").show(partial(light_curve_lines, self.night, chosen, window=window))
         elif self.page == "tracks":
             self.pane("tracks").show(self._track_lines())
 
@@ -148,6 +152,7 @@ class PlotActions(OperatorScreen):
     action_focus_help = partialmethod(_turn_to, "focus")
     action_alignment = partialmethod(_turn_to, "alignment")
     action_track_list = partialmethod(_turn_to, "tracks")
+    action_light_curve = partialmethod(_turn_to, "light")
 
     # -- which frames -------------------------------------------------------------------------
 

@@ -264,6 +264,14 @@ SEAT_COMMANDS: tuple[KeyCommand, ...] = (
         "plots",
     ),
     _on_both(
+        "light_curve",
+        "7",
+        "Brightness of the track",
+        "its magnitude in each frame with its error, bright side up, and its scatter; once more:"
+        " the plots",
+        "plots",
+    ),
+    _on_both(
         "next_track",
         "tab",
         "Next satellite",

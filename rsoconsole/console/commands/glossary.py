@@ -87,6 +87,12 @@ TERMS: tuple[tuple[str, str], ...] = (
         "Transparency: the magnitude of a star that would give one count of the camera in a second"
         " (zero point). It drops by 1 where cloud or haze takes 60 % of the light.",
     ),
+    (
+        "mag",
+        "Apparent magnitude of the object in Johnson V by the frame's catalogue stars; ± is noise"
+        " and zero point, what its unknown colour adds is said apart. 'inst': no zero point is"
+        " known, 0 is one count of the camera in a second. '<': saturated, brighter than that.",
+    ),
     ("background", "Light of the empty sky in a pixel, in the camera's counts (ADU)."),
     ("coast", "Nothing was measured: the track goes on by its prediction, and its bounds grow."),
     ("gate", "How large a NIS may be for a measurement to belong to the track."),

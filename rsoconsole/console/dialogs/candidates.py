@@ -13,10 +13,17 @@ from textual.widgets import Button, Static
 
 from rsoconsole.console.commands.keymap import first_key
 from rsoconsole.console.dialogs.dialogs import Dialog, PagedDialog, dialog_box
-from rsoconsole.night import NightFrame, RecentMeasurement, is_measurement_of
-from rsoconsole.records import Detection, Measurement, is_mark_id
+from rsoconsole.night import (
+    NightFrame,
+    RecentMeasurement,
+    is_measurement_of,
+    light_of_streak,
+)
+from rsoconsole.records import Detection, Measurement, StreakLight, is_mark_id
 from rsoconsole.words import (
     angle,
+    light_detail_words,
+    magnitude_words,
     short_figure,
     streak_name,
     streak_pulse_words,
@@ -86,12 +93,17 @@ def candidate_lines(detail: NightFrame, tau: float) -> list[str]:
         return ["It is not known yet what the frame shows."]
     lines: list[str] = []
     for each in sorted(found.detections, key=lambda d: -d.confidence):
-        lines += _lines(each, *detection_outcome(each, detail))
+        light = light_of_streak(detail, each)
+        lines += _lines(each, *detection_outcome(each, detail), light=light)
     rejected = sorted(found.rejected, key=lambda r: -r.detection.confidence)
     for one in rejected[:MAX_REJECTED]:
-        lines += _lines(one.detection, "rejected", text(one.reason))
-    by_hand = _by_hand(detail)
-    lines += [f"  by your hand, at {m.x_px:.0f}, {m.y_px:.0f}: {_sigmas(m)}" for m in by_hand]
+        light = light_of_streak(detail, one.detection)
+        lines += _lines(one.detection, "rejected", text(one.reason), light=light)
+    for each_mark in _by_hand(detail):
+        place = f"at {each_mark.x_px:.0f}, {each_mark.y_px:.0f}"
+        lines.append(f"  by your hand, {place}: {_sigmas(each_mark)}")
+        magnitude = magnitude_words(detail.light_of(each_mark.measurement_id))
+        lines += [f"        {magnitude}"] if magnitude else []
     if not lines:
         lines = ["  None: the network proposed nothing."]
     left = len(rejected) - MAX_REJECTED
@@ -144,16 +156,20 @@ def _is_same(streak: Detection, mark: Measurement, detail: NightFrame) -> bool:
     return is_nearest and away(streak) < max(SAME_STREAK_PX, 0.5 * streak.length_px)
 
 
-def _lines(streak: Detection, fate: str, reason: str) -> list[str]:
+def _lines(
+    streak: Detection, fate: str, reason: str, *, light: StreakLight | None = None
+) -> list[str]:
     size = streak_size_words(streak) if streak.length_px else ""
     place = f"at {streak.x_px:.0f}, {streak.y_px:.0f}"
     snr = f"SNR {streak.snr:.0f}" if streak.snr else ""
     confidence = short_figure(streak.confidence)
     head = f"  {confidence:>4}  {fate:<12}  {place:<14}  {snr:<8}  {size}".rstrip()
-    named = "; ".join(words for words in (streak_name(streak), streak_pulse_words(streak)) if words)
+    bright = light_detail_words(light, with_colour=False)
+    parts = (*bright, streak_name(streak), streak_pulse_words(streak))
+    named = "; ".join(words for words in parts if words)
     return [
         head,
-        *([f"        {named}"] if named else []),
+        *textwrap.wrap(named, COLUMNS, initial_indent=" " * 8, subsequent_indent=" " * 8),
         *textwrap.wrap(reason, COLUMNS, initial_indent=" " * 8, subsequent_indent=" " * 8),
     ]
 

@@ -10,7 +10,8 @@ from rsoconsole.console.dialogs.candidates import detection_outcome
 from rsoconsole.console.drawing.plot import Ink, Line
 from rsoconsole.console.frame._sheet import FrameScreenState
 from rsoconsole.console.words.words import Item, cut_to_width, draw_rule
-from rsoconsole.records import Detection, Measurement, Solution
+from rsoconsole.night import light_of_streak
+from rsoconsole.records import Detection, Measurement, Solution, StreakLight
 from rsoconsole.sky import wrap_180
 from rsoconsole.words import short_figure, streak_detail_words
 
@@ -129,6 +130,7 @@ def _block(
 ) -> list[Line]:
     is_chosen = number == sheet.chosen
     place = pair.latest_detection
+    details = streak_detail_words(place, _recorded_light(sheet, pair))
     first = f"{_confidence(pair, 'was')} → {_confidence(pair, 'now')}"
     if sheet.done is None:
         first = _confidence(pair, "was")
@@ -137,13 +139,17 @@ def _block(
         (f"{first}  at {place.x_px:.0f},{place.y_px:.0f}", "title"),
     ]
     lines: list[Line] = [line]
-    lines += [
-        [(f"   {part}", "")]
-        for part in textwrap.wrap(", ".join(streak_detail_words(place)), max(width - 4, 1))
-    ]
+    lines += [[(f"   {part}", "")] for part in textwrap.wrap(", ".join(details), max(width - 4, 1))]
     for text, ink in _outcomes(sheet, pair):
         lines += [[(f"   {part}", ink)] for part in textwrap.wrap(text, max(width - 4, 1))]
     return lines
+
+
+def _recorded_light(sheet: FrameScreenState, pair: "ComparedCandidate") -> StreakLight | None:
+    """Return the brightness of a candidate as recorded; None where it is not on record."""
+    if sheet.opened is None or pair.was is None:
+        return None
+    return light_of_streak(sheet.opened.detail, pair.was.detection)
 
 
 def _confidence(pair: "ComparedCandidate", when: str) -> str:

@@ -19,7 +19,7 @@ from rsoconsole.tracking import (
 from rsoconsole.tracking import polar_hint as hint_of
 from rsoconsole.words import duration_words
 
-Page = Literal["quality", "focus", "alignment", "tracks"]
+Page = Literal["quality", "focus", "alignment", "tracks", "light"]
 LOOKS = 600
 """Number of last frames to which the drift is fitted."""
 TREND_FRAMES = 10

@@ -31,6 +31,7 @@ from rsoconsole.words import (
     due_words,
     format_dec,
     format_ra,
+    magnitude_words,
     short_figure,
     utc_text,
 )
@@ -221,6 +222,9 @@ def _motion_items(
         (f"rate {ra_rate * cos_deg(dec) * 3600:+.2f} {dec_rate * 3600:+.2f} ″/s", ""),
         (f"prediction 3σ {angle(3 * max(east, north))}{age}", "warn" if age else ""),
     ]
+    lead = next((each for each in night.tracks if each.is_lead), None)
+    if lead is not None and (magnitude := magnitude_words(lead.light)):
+        items.append((magnitude, ""))
     if coasts := coast_words(night, now_utc_ns):
         items[:0] = [(part, "warn") for part in coasts.split(" · ")]
     if leaving:

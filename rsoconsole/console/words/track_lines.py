@@ -15,14 +15,18 @@ from rsoconsole.console.words.words import (
 )
 from rsoconsole.control import NextAim, next_aim_parts, one_line, track_state_words
 from rsoconsole.night import FollowedTrack, NightView
-from rsoconsole.records import PairMotion
+from rsoconsole.records import Band, PairMotion
 from rsoconsole.words import (
     KEPT,
     NS_PER_S,
     angle,
     approach_words,
+    column_band,
+    column_head,
+    column_words,
     duration_words,
     identity_words,
+    magnitude_words,
     number,
     separation_rate_words,
     separation_words,
@@ -60,6 +64,10 @@ class _Column:
     """Rank; where there is no room, the column of the highest rank is left out first."""
     words: Callable[[NightView, FollowedTrack, int | None], str]
     is_left: bool = False
+    is_shown: Callable[[NightView], bool] = lambda _night: True
+    """Returns False for a night in which the column would be empty."""
+    head_in: Callable[[NightView], str] | None = None
+    """Returns the head where it depends on the night; None: ``head``."""
 
 
 def track_list_lines(
@@ -87,16 +95,17 @@ def track_list_lines(
     if not tracks:
         said = [cut_to_width([(" nothing is followed", "dim")], width)]
         return [title, *said][: max(height, 1)]
-    columns = fitting_columns(width)
+    columns = fitting_columns(night, width)
 
     def row(track: FollowedTrack) -> Item:
         words = [column.words(night, track, now_utc_ns) for column in columns]
         return _joined(columns, words, width), _ink(track)
 
     at = next((n for n, each in enumerate(tracks) if is_chosen(each, chosen)), 0)
-    heads = _joined(columns, [column.head for column in columns], width)
+    heads = [column.head_in(night) if column.head_in else column.head for column in columns]
     detail = track_detail_lines(night, tracks[at], now_utc_ns, width)
-    return [title, *_listed(tracks, at, heads, row, detail, width, height - 1)][: max(height, 1)]
+    head = _joined(columns, heads, width)
+    return [title, *_listed(tracks, at, head, row, detail, width, height - 1)][: max(height, 1)]
 
 
 def _listed(  # noqa: PLR0917 -- one call, each argument a different thing
@@ -203,6 +212,7 @@ def track_detail_lines(
         parts.append(f"NIS {track.nis:.1f}")
     if track.snr is not None:
         parts.append(f"SNR {track.snr:.0f}")
+    parts.append(magnitude_words(track.light))
     age = _age(night, track, now_utc_ns)
     parts.append(f"age {age}" if age else "")
     parts.append("no orbit yet" if orbit is None else f"orbit {orbit.label}")
@@ -215,9 +225,9 @@ def next_aim_lines(aim: NextAim, width: int) -> list[Line]:
     return items_in_rows([(part, "dim") for part in (what, *rest)], width, gap=" · ")
 
 
-def fitting_columns(width: int) -> tuple[_Column, ...]:
-    """Return the columns that fit into a width, the least important left out first."""
-    kept = list(_COLUMNS)
+def fitting_columns(night: NightView, width: int) -> tuple[_Column, ...]:
+    """Return a night's columns that fit into a width, the least important left out first."""
+    kept = [column for column in _COLUMNS if column.is_shown(night)]
     while len(kept) > 2 and _taken(kept) + NAME_COLUMNS[0] > width:
         kept.remove(max(kept, key=lambda column: column.rank))
     return tuple(kept)
@@ -265,6 +275,24 @@ def _nis(_night: NightView, track: FollowedTrack, _now: int | None) -> str:
     return "-" if track.nis is None else f"{track.nis:.1f}" if track.nis < 1000.0 else ">999"
 
 
+def _has_light(night: NightView) -> bool:
+    return any(track.light is not None for track in night.tracks)
+
+
+def _band(night: NightView) -> Band:
+    """Return the band of the column of magnitudes."""
+    lights = (track.light for track in night.tracks)
+    return column_band(light.band for light in lights if light is not None)
+
+
+def _light(night: NightView, track: FollowedTrack, _now: int | None) -> str:
+    light = track.light
+    if light is None:
+        return "-"
+    words = column_words(light.mag, light.band, _band(night))
+    return f"<{words}" if light.is_saturated and light.mag is not None else words
+
+
 def _age(night: NightView, track: FollowedTrack, now_utc_ns: int | None) -> str:
     now = now_utc_ns or night.last_utc_ns
     return "" if now is None else duration_words((now - track.since_utc_ns) / NS_PER_S)
@@ -292,8 +320,16 @@ _COLUMNS = (
     _Column(head="resid", width=5, rank=3, words=_residual),
     _Column(head="NIS", width=4, rank=4, words=_nis),
     _Column(head="SNR", width=4, rank=5, words=lambda _n, track, _t: number(track.snr, ".0f")),
-    _Column(head="age", width=6, rank=6, words=_age),
-    _Column(head="orbit", width=5, rank=7, words=_orbit, is_left=True),
+    _Column(
+        head="mag",
+        width=6,
+        rank=6,
+        words=_light,
+        is_shown=_has_light,
+        head_in=lambda night: column_head(_band(night)),
+    ),
+    _Column(head="age", width=6, rank=7, words=_age),
+    _Column(head="orbit", width=5, rank=8, words=_orbit, is_left=True),
 )
 
 

@@ -19,6 +19,7 @@ from rsoconsole.words import (
     NS_PER_S,
     direction,
     duration_words,
+    magnitude_words,
     short_figure,
     streak_size_words,
     utc_text,
@@ -203,17 +204,24 @@ def frame_title(
 
 
 def closeup_title(picture: Picture | None, drawing: DrawnPicture | None) -> list[str]:
-    """Return the parts of the close-up's title: frame, scale, SNR and size of the streak."""
+    """Return the parts of the close-up's title: frame, scale, SNR, magnitude, size of the streak.
+
+    Where the magnitude is not on record, nothing stands for it.
+    """
     if picture is None or drawing is None:
         return ["close-up"]
     n = round(drawing.px_per_square)
     scale = "pixel by pixel" if n == 1 else f"1:{n}"
     parts = [f"close-up {picture.frame_id:04d}", scale]
-    found = _followed_detection(picture)
+    found, followed = _followed_detection(picture), picture.detail.accepted_measurement
     if found is not None:
         parts.append(f"SNR {found.snr:.0f}")
+    if followed is not None:
+        magnitude = magnitude_words(picture.detail.light_of(followed.measurement_id))
+        parts += [magnitude] if magnitude else []
+    if found is not None:
         parts.append(streak_size_words(found))
-    elif picture.detail.accepted_measurement is None and picture.detail.predicted is not None:
+    elif followed is None and picture.detail.predicted is not None:
         parts.append("predicted place")
     return parts
 

@@ -12,10 +12,19 @@ from rsoconsole.engine.operator.handlers import LoopControl
 from rsoconsole.engine.tasks.exposures import Exposures
 from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
+from rsoconsole.engine.tasks.frame_lights import FrameLights
 from rsoconsole.engine.tasks.pace import Pace, TemporarySettings
 from rsoconsole.engine.tasks.preview import CloseupPlaces
 from rsoconsole.pipeline import Cycle, Orbits, Reduction
-from rsoconsole.records import ChartStar, CycleTiming, Frame, SlewRefusal, Solution, TrackState
+from rsoconsole.records import (
+    ChartStar,
+    CycleTiming,
+    Frame,
+    Photometry,
+    SlewRefusal,
+    Solution,
+    TrackState,
+)
 from rsoconsole.tracking.filters import estimator
 
 CLEAR_FRAMES = 2
@@ -53,6 +62,8 @@ class FrameTurn:
         self.last_track: TrackState | None = None
         self.ahead: AimAhead | None = None
         """Where the telescope looks in the exposure after the next one."""
+        self.lights = FrameLights()
+        """Brightness of the last frame and of what is followed."""
         self._pace = Pace()
         self.temporary = TemporarySettings(self._pace.config_before_track)
         self._places = CloseupPlaces()
@@ -86,6 +97,10 @@ class FrameTurn:
             now_ns = self._parts.instrument_controller.now_utc_ns()
             ahead = self._parts.planner.aim_after_plan(self._control.following, self._plan, now_ns)
         self.ahead = aim_ahead(ahead, self._control.following, self._control.config)
+
+    def note_light(self, record: Photometry) -> None:
+        """Note a frame's photometry, for the status; called where it has been recorded."""
+        self.lights.note(record, self._control.following)
 
     def one_exposure(self) -> None:
         """Run one frame: wait for the mount, expose, reduce, follow, order the next slew,

@@ -7,6 +7,7 @@ from rsoconsole.engine.aim.states import Authority
 from rsoconsole.engine.tasks.field_tracks import kept_name
 from rsoconsole.engine.tasks.watch import Watch
 from rsoconsole.pipeline import Orbits
+from rsoconsole.records import Photometry
 
 
 def status_of(
@@ -26,11 +27,12 @@ def status_of(
     tracks: tuple[TrackStatus, ...],
     next_aim: NextAim | None,
     orbits: Orbits,
+    light: Photometry | None,
 ) -> Status:
     """Return the engine's status now; may be called from any thread.
 
     ``names``: names of identified tracks, by track id; ``orbits``: source of the tracks' relative
-    motion and of missing objects.
+    motion and of missing objects; ``light``: photometry of the last frame.
     """
     last_pairs = orbits.pairs.last if authority.following.tracks else ()
     expected = orbits.expected
@@ -60,6 +62,8 @@ def status_of(
         now_utc_ns=now_utc_ns,
         simulated_speed=simulated_speed,
         markable_frames=markable_frames,
+        zero_point_mag=None if light is None else light.zero_point_mag,
+        limiting_mag=None if light is None else light.limiting_mag,
         tracks=tracks,
         next_aim=next_aim,
         pairs=sort_by_separation(last_pairs),

@@ -228,10 +228,16 @@ class Engine:
             markable_frames=self.decisions.frame_ids,
             simulated_speed=clock.speed if clock.is_simulated else None,
             tracks=tracks_now(
-                authority.following, self.orbits.names, self.cycle.folds.shown, now_ns, ahead
+                authority.following,
+                self.orbits.names,
+                self.cycle.folds.shown,
+                now_ns,
+                ahead,
+                lights=self.frames.lights,
             ),
             next_aim=None if ahead is None else ahead.aim,
             orbits=self.orbits,
+            light=self.frames.lights.last,
         )
 
     def _slew_left_s(self) -> float | None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from rsoconsole.config import Config, FilterConfig
 from rsoconsole.control import NextAim, TrackStatus
 from rsoconsole.engine.aim.states import Authority
+from rsoconsole.engine.tasks.frame_lights import FrameLights
 from rsoconsole.pipeline import FrameObservations, kept_until_utc_ns, tracks_inside
 from rsoconsole.records import Measurement
 from rsoconsole.tracking import ON_TRIAL, Following
@@ -50,18 +51,21 @@ def tracks_now(
     shown_of: Callable[[int], FrameObservations],
     now_utc_ns: int,
     ahead: AimAhead | None,
+    *,
+    lights: FrameLights,
 ) -> tuple[TrackStatus, ...]:
     """Return all tracks as they are after their last frames, in the order of their numbers.
 
     ``names``: names of identified tracks, by track id. ``shown_of``: returns the observations of a
     frame by its number, and raises ValueError for a frame that is not kept. ``ahead``: the next
-    aim.
+    aim. ``lights``: brightness of what the tracks took last.
     """
     found = []
     for each in sorted(following.tracks, key=lambda one: one.track.track_id):
         track, taken = each.track, each.taken
         is_on_trial = not track.is_lead and track.innovations < ON_TRIAL
         residual = None if track.misses else track.innovation_arcsec
+        light = None if taken is None else lights.light_of(taken.measurement_id)
         now = TrackStatus(
             track_id=track.track_id,
             name=names.get(track.track_id),
@@ -74,6 +78,10 @@ def tracks_now(
             residual_north_arcsec=None if residual is None else residual[1],
             nis=None if track.misses else track.nis,
             snr=None if taken is None else _snr_of(taken, shown_of),
+            mag=None if light is None else light.mag,
+            mag_sigma=None if light is None else light.mag_sigma,
+            band=None if light is None else light.band,
+            is_saturated=light is not None and light.is_saturated,
             is_in_next_field=None if ahead is None else track.track_id in ahead.inside,
         )
         found.append(now)
