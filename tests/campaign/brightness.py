@@ -108,7 +108,8 @@ def light_row(found: StreakLight | None, light: TrueLight) -> Row:
         "sigma_mag": found.mag_sigma,
         "colour_error_mag": round(found.mag - light.mag, 4),
         "colour_sigma_mag": found.sigma_mag,
-        "flux_sigma_share": found.flux_sigma_adu / found.flux_adu,
+        "flux_error_share": round(found.flux_adu / light.flux_adu - 1.0, 4),
+        "flux_sigma_share": round(found.flux_sigma_adu / light.flux_adu, 4),
         "is_saturated": found.is_saturated,
         "is_blended": found.is_blended,
     }

@@ -29,6 +29,7 @@ from rsoconsole.simulator import (
     image_motion_kernel,
     streak_points,
     transmission_at,
+    vignetting,
 )
 from rsoconsole.simulator.camera.psf import add_points
 from rsoconsole.simulator.camera.rendering import Float32Array, expected_electrons
@@ -110,6 +111,8 @@ class TrueLight:
     """V, were it of the Sun's colour."""
     mag: float
     """V by its own colour."""
+    flux_adu: float
+    """What the converter makes of its light, after cloud and vignetting."""
     is_steady: bool
 
 
@@ -281,6 +284,8 @@ def satellites(world: World, rng: Rng) -> tuple[tuple[TrueLight, ...], tuple[Str
         sun_mag = sensor.zero_point_mag - 2.5 * math.log10(streak.electrons / exposure_s)
         redder = float(rng.normal(*_OBJECT_B_MINUS_V)) - SUN_B_MINUS_V
         streaks.append(streak)
+        x, y, electrons = streak_points(sensor, scene.content, streak)
+        per_e = 2.0**sensor.stored_shift_bits / sensor.e_per_adu12
         (x_a, y_a), (x_b, y_b) = true_ends(scene, before_motion(scene, ends))
         lights.append(
             TrueLight(
@@ -288,6 +293,7 @@ def satellites(world: World, rng: Rng) -> tuple[tuple[TrueLight, ...], tuple[Str
                 snr=snr,
                 sun_mag=sun_mag,
                 mag=sun_mag - world.colour_term * redder,
+                flux_adu=per_e * float(electrons @ vignetting(sensor, x, y)),
                 is_steady=is_steady,
             )
         )

@@ -57,6 +57,8 @@ def test_a_streak_has_the_light_of_its_magnitude(drawn):
         middle = (np.array([0.5 * sum(light.ends[i::2])]) for i in (0, 1))
         wanted_e = exposure_s * 10 ** (0.4 * (sensor.zero_point_mag - light.sun_mag))
         wanted_e *= float(vignetting(sensor, *middle)[0])
+        per_adu = sensor.e_per_adu12 / 2.0**sensor.stored_shift_bits
+        assert light.flux_adu * per_adu == pytest.approx(wanted_e, rel=0.02)
         judged += noise_e < 0.05 * wanted_e
         two_percent_and_noise = 0.02 * wanted_e + 3.0 * noise_e
         assert found_e == pytest.approx(wanted_e, abs=two_percent_and_noise)
@@ -166,13 +168,14 @@ def test_a_line_of_the_table_has_shares_of_what_was_measured():
 
 def test_an_error_is_what_was_measured_less_the_truth():
     light = brightness_worlds.TrueLight(
-        ends=(0.0, 0.0, 9.0, 0.0), snr=50.0, sun_mag=12.0, mag=12.1, is_steady=True
+        ends=(0.0, 0.0, 9.0, 0.0), snr=50.0, sun_mag=12.0, mag=12.1, flux_adu=98.0, is_steady=True
     )
     found = StreakLight(
         measurement_id="m", flux_adu=100.0, flux_sigma_adu=2.0, rate_adu_s=10.0,
         rate_sigma_adu_s=0.2, band="V", mag=12.05, mag_sigma=0.03, mag_sigma_colour=0.04,
     )  # fmt: skip
     judged = brightness.light_row(found, light)
+    assert judged["flux_error_share"] == pytest.approx(0.02, abs=0.001)
     assert judged["error_mag"] == pytest.approx(0.05)
     assert judged["colour_error_mag"] == pytest.approx(-0.05)
     assert judged["colour_sigma_mag"] == pytest.approx(0.05)
