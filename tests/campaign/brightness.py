@@ -20,6 +20,7 @@ from rsoconsole.config import Config
 from rsoconsole.pipeline import Reduction
 from rsoconsole.pipeline.frame.plate import FixedPlateSource
 from rsoconsole.pipeline.frame.reduce import FrameReducer
+from rsoconsole.pipeline.photometry.frame_photometry import photometry_of
 from rsoconsole.records import Detection, Photometry, StreakLight, measurement_id_of
 from rsoconsole.vision import ConfidenceCurve, Network
 from tests.campaign.brightness_worlds import FAMILIES, DrawnFrames, TrueLight, draw
@@ -43,8 +44,6 @@ def network() -> Network:
 
 def measured(drawn: DrawnFrames) -> tuple[Reduction, Photometry | None]:
     """Both frames through the engine's reduction, by their plates; the second one's brightness."""
-    from rsoconsole.pipeline import photometry_of
-
     plate = FixedPlateSource()
     curve = ConfidenceCurve.from_card(network().card)
     reducer = FrameReducer(network(), curve, plate, Config())

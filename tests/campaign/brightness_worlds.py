@@ -40,8 +40,6 @@ from rsoconsole.sky import (
     Stars,
     describe_field,
     iso_to_utc_ns,
-    johnson_b_minus_v_mag,
-    johnson_v_mag,
     julian_year,
     pixel_to_sky,
     sky_to_pixel,
@@ -50,15 +48,16 @@ from rsoconsole.sky import (
 
 Rng = np.random.Generator
 
-SUN_B_MINUS_V = 0.65
+SUN_COLOUR_MAG = 0.73
+"""BT - VT, as all colours here; magnitudes are VT."""
 STAR_SIGMA_MAG = 0.02
 """One sigma by which a drawn star is off its catalogue magnitude."""
 STREAKS, SNR, LENGTH_PX = 6, (20.0, 250.0), (30.0, 500.0)
 MIN_STARS = 8
 """Catalogue stars of a field: another one is drawn where it has fewer."""
-_OBJECT_B_MINUS_V = 0.75, 0.20
+_OBJECT_COLOUR_MAG = 0.85, 0.23
 """Mean and one sigma: satellites are a little redder than the Sun."""
-_STAR_B_MINUS_V = 0.65, 0.30
+_STAR_COLOUR_MAG = 0.75, 0.35
 """Of stars without a colour in the catalogue, and of those fainter than it."""
 _FAINTEST_MAG, _MARGIN_PX = 16.5, 40.0
 _PLACE_SIGMA_ARCSEC, _PLATE_SIGMA_PX = 0.15, 0.1
@@ -97,7 +96,7 @@ class World:
     scene: Scene
     wcs: Wcs
     colour_term: float
-    """Change of a star's magnitude in the camera's band with its B - V."""
+    """Change of a star's magnitude in the camera's band with its colour."""
     catalogue_stars: int
 
 
@@ -108,9 +107,9 @@ class TrueLight:
     ends: tuple[float, float, float, float]
     snr: float
     sun_mag: float
-    """V, were it of the Sun's colour."""
+    """VT, were it of the Sun's colour."""
     mag: float
-    """V by its own colour."""
+    """VT by its own colour."""
     flux_adu: float
     """What the converter makes of its light, after cloud and vignetting."""
     is_steady: bool
@@ -252,20 +251,18 @@ def star_lights(  # noqa: PLR0917 - drawn the way it is spoken: whose, how long,
     off_mag = rng.normal(0.0, STAR_SIGMA_MAG, len(known))
     if family.is_catalogue_off:
         off_mag += rng.normal(0.0, 1.0, len(known)) * np.nan_to_num(known.sigma_mag)
-    drawn = rng.normal(*_STAR_B_MINUS_V, len(known))
-    b_minus_v = johnson_b_minus_v_mag(known.colour_mag)
-    b_minus_v = np.where(np.isnan(b_minus_v), drawn, b_minus_v)
-    v_mag = johnson_v_mag(known.magnitude, b_minus_v / 0.85) + off_mag
+    drawn = rng.normal(*_STAR_COLOUR_MAG, len(known))
+    colour = np.where(np.isnan(known.colour_mag), drawn, known.colour_mag)
     ra = np.concatenate([known.ra_icrs_deg, faint.ra_icrs_deg])
     dec = np.concatenate([known.dec_icrs_deg, faint.dec_icrs_deg])
-    v_mag = np.concatenate([v_mag, faint.magnitude])
-    b_minus_v = np.concatenate([b_minus_v, rng.normal(*_STAR_B_MINUS_V, len(faint))])
+    vt_mag = np.concatenate([known.magnitude + off_mag, faint.magnitude])
+    colour = np.concatenate([colour, rng.normal(*_STAR_COLOUR_MAG, len(faint))])
     x, y = sky_to_pixel(wcs, ra, dec)
     sigma_px = _PLACE_SIGMA_ARCSEC / sensor.scale_arcsec_px
     x, y = x + rng.normal(0.0, sigma_px, len(x)), y + rng.normal(0.0, sigma_px, len(y))
     near = (x > -_MARGIN_PX) & (x < sensor.width_px + _MARGIN_PX)
     near &= (y > -_MARGIN_PX) & (y < sensor.height_px + _MARGIN_PX)
-    mag = v_mag + colour_term * (b_minus_v - SUN_B_MINUS_V)
+    mag = vt_mag + colour_term * (colour - SUN_COLOUR_MAG)
     return x[near], y[near], sensor.electrons(mag[near], exposure_s)
 
 
@@ -282,7 +279,7 @@ def satellites(world: World, rng: Rng) -> tuple[tuple[TrueLight, ...], tuple[Str
         length_px = float(np.hypot(*(ends[1] - ends[0])))
         streak, snr = lit_streak(scene, path, length_px, log_uniform(rng, *SNR))
         sun_mag = sensor.zero_point_mag - 2.5 * math.log10(streak.electrons / exposure_s)
-        redder = float(rng.normal(*_OBJECT_B_MINUS_V)) - SUN_B_MINUS_V
+        redder = float(rng.normal(*_OBJECT_COLOUR_MAG)) - SUN_COLOUR_MAG
         streaks.append(streak)
         x, y, electrons = streak_points(sensor, scene.content, streak)
         per_e = 2.0**sensor.stored_shift_bits / sensor.e_per_adu12
