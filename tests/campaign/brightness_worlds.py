@@ -52,9 +52,10 @@ SUN_COLOUR_MAG = 0.73
 """BT - VT, as all colours here; magnitudes are VT."""
 STAR_SIGMA_MAG = 0.02
 """One sigma by which a drawn star is off its catalogue magnitude."""
+HALF = replace(QUARTER, width_px=3292, height_px=2488)
 STREAKS, SNR, LENGTH_PX = 6, (20.0, 250.0), (30.0, 500.0)
 MIN_STARS = 8
-"""Catalogue stars of a field: another one is drawn where it has fewer."""
+"""Catalogue stars of a frame that are not saturated: another is drawn where it has fewer."""
 _OBJECT_COLOUR_MAG = 0.85, 0.23
 """Mean and one sigma: satellites are a little redder than the Sun."""
 _STAR_COLOUR_MAG = 0.75, 0.35
@@ -98,6 +99,7 @@ class World:
     colour_term: float
     """Change of a star's magnitude in the camera's band with its colour."""
     catalogue_stars: int
+    """Those in the frame that are not saturated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,33 +142,32 @@ def draw(name: str, number: int) -> DrawnFrames:
 
 
 def world_of(family: Family, rng: Rng) -> World:
+    """Draw telescope, field, sky and air until the frame has enough stars that are measurable."""
+    while True:
+        world = any_world(family, rng)
+        if world.catalogue_stars >= MIN_STARS:
+            return world
+
+
+def any_world(family: Family, rng: Rng) -> World:
     """Draw telescope, field, sky and air."""
     sensor, content = any_telescope(rng) if family.is_any_telescope else usual_telescope(rng)
-    while True:
-        wcs = tan_wcs(
-            float(rng.uniform(0.0, 360.0)),
-            float(rng.uniform(-9.0, 9.0)),
-            scale_arcsec_px=sensor.scale_arcsec_px,
-            rotation_deg=float(rng.uniform(0.0, 360.0)),
-            is_flipped=bool(rng.random() < 0.5),
-            width_px=sensor.width_px,
-            height_px=sensor.height_px,
-        )
-        field = describe_field(wcs, sensor.width_px, sensor.height_px)
-        half_px = 0.5 * math.hypot(sensor.width_px, sensor.height_px) + _MARGIN_PX
-        cone = (field.ra_icrs_deg, field.dec_icrs_deg, half_px * sensor.scale_arcsec_px / 3600.0)
-        known = StarCatalogue.load().cone(*cone, epoch_jyear=julian_year(_T0_UTC_NS))
-        x, y = sky_to_pixel(wcs, known.ra_icrs_deg, known.dec_icrs_deg)
-        inside = (np.abs(2.0 * x / sensor.width_px - 1.0) < 1.0) & (
-            np.abs(2.0 * y / sensor.height_px - 1.0) < 1.0
-        )
-        if int(inside.sum()) >= MIN_STARS:
-            break
+    wcs = tan_wcs(
+        float(rng.uniform(0.0, 360.0)),
+        float(rng.uniform(-9.0, 9.0)),
+        scale_arcsec_px=sensor.scale_arcsec_px,
+        rotation_deg=float(rng.uniform(0.0, 360.0)),
+        is_flipped=bool(rng.random() < 0.5),
+        width_px=sensor.width_px,
+        height_px=sensor.height_px,
+    )
+    field = describe_field(wcs, sensor.width_px, sensor.height_px)
+    half_px = 0.5 * math.hypot(sensor.width_px, sensor.height_px) + _MARGIN_PX
+    cone = (field.ra_icrs_deg, field.dec_icrs_deg, half_px * sensor.scale_arcsec_px / 3600.0)
+    known = StarCatalogue.load().cone(*cone, epoch_jyear=julian_year(_T0_UTC_NS))
     term = float(rng.uniform(-0.4, 0.1))
-    x, y, electrons = star_lights(
-        sensor, content.exposure_s, wcs, (known, faint_stars(*cone, _FAINTEST_MAG)),
-        term, family, rng,
-    )  # fmt: skip
+    stars = (known, faint_stars(*cone, _FAINTEST_MAG))
+    x, y, electrons = star_lights(sensor, content.exposure_s, wcs, stars, term, family, rng)
     content = replace(content, star_x_px=x, star_y_px=y, star_electrons=electrons)
     if family.is_cloudy:
         content = replace(content, cloud_transmission=cloud_over(sensor, rng))
@@ -175,12 +176,25 @@ def world_of(family: Family, rng: Rng) -> World:
         scene = windy(scene, float(rng.uniform(0.1, 0.6)), rng)
     elif rng.random() < 0.3:
         scene = drifted(scene, float(rng.uniform(0.5, 3.0)), rng)
-    return World(scene=scene, wcs=wcs, colour_term=term, catalogue_stars=int(inside.sum()))
+    usable = measurable_stars(sensor, content, wcs, known)
+    return World(scene=scene, wcs=wcs, colour_term=term, catalogue_stars=usable)
+
+
+def measurable_stars(sensor: SensorModel, content: FieldContent, wcs: Wcs, known: Stars) -> int:
+    """Count catalogue stars in the frame that a still image does not saturate."""
+    x, y = sky_to_pixel(wcs, known.ra_icrs_deg, known.dec_icrs_deg)
+    inside = (x > _RIM_PX) & (x < sensor.width_px - _RIM_PX)
+    inside &= (y > _RIM_PX) & (y < sensor.height_px - _RIM_PX)
+    sigma_px = content.fwhm_px / FWHM_PER_SIGMA
+    peak_share = math.erf(0.5 / (math.sqrt(2.0) * sigma_px)) ** 2
+    peak_e = sensor.electrons(known.magnitude, content.exposure_s) * peak_share
+    room_e = (sensor.largest_value_adu12 - sensor.offset_adu12) * sensor.e_per_adu12
+    return int(np.sum(inside & (peak_e < 0.8 * (room_e - content.sky_electrons_px))))
 
 
 def usual_telescope(rng: Rng) -> tuple[SensorModel, FieldContent]:
-    """The demo's camera, a quarter of it, with its sky and seeing."""
-    sensor, exposure_s = QUARTER, 10.0
+    """The demo's camera, half of it, with its sky and seeing."""
+    sensor, exposure_s = HALF, 10.0
     per_s = log_uniform(rng, 8.0, 40.0)
     fwhm_px = log_uniform(rng, 2.2, 4.0) / sensor.scale_arcsec_px
     content = FieldContent(
