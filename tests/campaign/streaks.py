@@ -35,12 +35,12 @@ def row_of(name: str, number: int) -> dict[str, Any]:
     found = detector().detect(frame, tau=TAU)
     middle = (0.5 * (truth.x_a_px + truth.x_b_px), 0.5 * (truth.y_a_px + truth.y_b_px))
     trail = (truth.x_a_px, truth.y_a_px, truth.x_b_px, truth.y_b_px)
-    on_it = [d for d in found.detections if _is_on(d, trail)]
+    on_it = [d for d in found.detections if is_on(d, trail)]
     beside = [(s.x_px[0], s.y_px[0], s.x_px[-1], s.y_px[-1]) for s in others]
     strangers = [
         d for d in found.detections if d not in on_it and not any(_is_along(d, o) for o in beside)
     ]
-    refused = [r for r in found.rejected if _is_on(r.detection, trail)]
+    refused = [r for r in found.rejected if is_on(r.detection, trail)]
     best = max(on_it, key=lambda d: d.confidence, default=None)
     return {
         "number": number,
@@ -75,7 +75,7 @@ def detector() -> StreakDetector:
     return _detectors[0]
 
 
-def _is_on(found: Detection, trail: Trail) -> bool:
+def is_on(found: Detection, trail: Trail) -> bool:
     """Whether a detection is of this streak: its midpoint near the true one, both alike in way."""
     length_px = math.hypot(trail[2] - trail[0], trail[3] - trail[1])
     along, _ = off(found, trail)

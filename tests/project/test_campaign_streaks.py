@@ -113,7 +113,7 @@ def test_faint_ones_are_altered_in_turn():
 )
 def test_what_counts_as_found(change, is_on):
     trail = (241.0, 200.0, 359.0, 200.0)
-    assert streaks._is_on(straight_detection(**change), trail) is is_on
+    assert streaks.is_on(straight_detection(**change), trail) is is_on
 
 
 def test_what_is_known_is_not_looked_at_again(tmp_path, monkeypatch):

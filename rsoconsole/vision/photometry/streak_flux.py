@@ -113,6 +113,8 @@ def streak_flux(
         if not found:
             break
         fit.add_stars(np.array(found))
+    else:
+        fit.solve()
     return fit.result(saturation_adu)
 
 
