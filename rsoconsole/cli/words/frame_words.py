@@ -1,6 +1,5 @@
 """What was found in frames, as lines for a terminal."""
 
-import math
 from typing import Any
 
 from rsoconsole.records import Cause
@@ -50,10 +49,13 @@ def detect_lines(found: dict[str, Any]) -> list[str]:
 
 def _mag_words(detection: dict[str, Any]) -> str:
     """Magnitude of a streak with its error and band: ``, mag 12.84 +- 0.03 V``."""
-    mag, sigma, colour = (detection[key] for key in ("mag", "mag_sigma", "mag_sigma_colour"))
-    if mag is None:
-        return ""
-    return f", mag {mag:.2f} +- {math.hypot(sigma, colour or 0.0):.2f} {detection['band']}"
+    words = light_words(
+        detection["mag"],
+        detection["mag_sigma"],
+        detection["band"],
+        is_saturated=bool(detection["is_saturated"]),
+    )
+    return f", {words}" if words else ""
 
 
 def _named_words(detection: dict[str, Any]) -> str:

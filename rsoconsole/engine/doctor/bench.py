@@ -16,7 +16,7 @@ from rsoconsole.engine.doctor.doctor_system import free_bytes, nearest_existing
 from rsoconsole.engine.machine.medium import disk_outlook
 from rsoconsole.instruments import frame_from_bytes
 from rsoconsole.pipeline import Cycle, Reduction, open_reducer, time_stage
-from rsoconsole.records import Frame, NotSolved, Photometry, Solution
+from rsoconsole.records import Frame, NotSolved, Solution
 from rsoconsole.session import compress_frame
 from rsoconsole.tracking import Following
 from rsoconsole.vision import threads_for
@@ -42,13 +42,12 @@ STAGES: Mapping[str, str] = {
     "filter": "measurement and track",
     "total": "last byte to the slew command, solved in full",
     "total refit": "the same while following",
+    "light": "magnitudes, after the order",
     "compress": "the frame without loss, beside the loop",
     "disk": "written to session.root and waited for",
     "read back": "the compressed frame to pixels",
 }
 Times: TypeAlias = dict[str, float]
-MeasureLight: TypeAlias = Callable[[Frame, Reduction], Photometry | None]
-"""Measures the brightness of a reduced frame's streaks; None where it cannot."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +88,11 @@ def run_benchmark(
     report: Callable[[str], None] = lambda _: None,
     budget_s: float = BUDGET_S,
     most_rounds: int = MAX_ROUNDS,
-    measure_light: MeasureLight = lambda _frame, _reduction: None,
 ) -> BenchResult:
     """Put a frame, as a camera gives it, through every stage again and again.
 
     At least one round is made, however slow the machine is. ``fits``: the frame's FITS bytes;
-    ``report``: called with each step in words; ``measure_light``: called once, after the rounds,
-    with the last one's frame and reduction. Raises FrameError, ModelError or SolverError as the
+    ``report``: called with each step in words. Raises FrameError, ModelError or SolverError as the
     engine would, SessionError where nothing can be written.
     """
     report("loading network, star index and catalogue")
@@ -113,7 +110,6 @@ def run_benchmark(
             report(f"round {len(rounds)}: {now_s - round_began_s:.1f} s")
             if now_s - began_s + (now_s - round_began_s) > budget_s:
                 break
-        light = None if bench.last is None else measure_light(*bench.last)
     # The first round loads what the others find loaded.
     counted = rounds[1:] if len(rounds) > 2 else rounds
     return BenchResult(
@@ -124,7 +120,7 @@ def run_benchmark(
         detections=bench.detections,
         compressed_bytes=bench.compressed_bytes,
         notes=tuple(dict.fromkeys(bench.notes)),
-        limiting_mag=None if light is None else light.limiting_mag,
+        limiting_mag=bench.limiting_mag,
     )
 
 
@@ -138,8 +134,7 @@ class _Bench:
         self.detections = 0
         self.compressed_bytes = 0
         self.notes: list[str] = []
-        self.last: tuple[Frame, Reduction] | None = None
-        """The last frame with its reduction; None before the first round."""
+        self.limiting_mag: float | None = None
 
     def round(self, fits: bytes) -> Times:
         """Run every stage once; the detector's stages twice, and their mean counts."""
@@ -164,7 +159,8 @@ class _Bench:
         reduce_ms = sum(reduction.stage_ms.values())
         own["filter"] = max(spent_ms - own["read"] - reduce_ms, 0.0)
         self._plate(reduction, times)
-        self.last = frame, reduction
+        with time_stage(own, "light"):
+            self.limiting_mag = self._cycle.photometry(reduction).limiting_mag
         self.size_px = frame.width_px, frame.height_px
         self.detections = len(reduction.detections.detections)
         if not self.detections:

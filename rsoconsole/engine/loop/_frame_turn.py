@@ -166,7 +166,9 @@ class FrameTurn:
             place_px = self._places.of(frame, reduction, self._control.following)
             if isinstance(reduction.solution, Solution):
                 self._note_solution(reduction.solution)
-            self._parts.session_log.append_all(records)
+            light = self._cycle.photometry(reduction, records)
+            self._parts.session_log.append_all((*records, light))
+            self.note_light(light)
             self._forgive()
             self._count_frame()
         finally:
@@ -243,7 +245,9 @@ class FrameTurn:
         self._parts.guide.precompute_path(self._parts.instrument_controller.now_utc_ns())
         self.look_ahead()
         known_s = time.perf_counter()
-        self._parts.session_log.append(self._cycle.photometry(result))
+        light = self._cycle.photometry(result.reduction, result.records)
+        self._parts.session_log.append(light)
+        self.note_light(light)
         stages["orbit"] = (known_s - ordered_s) * 1e3
         stages["light"] = (time.perf_counter() - known_s) * 1e3
         self._parts.session_log.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))

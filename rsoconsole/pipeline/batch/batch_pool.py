@@ -234,7 +234,8 @@ def process_files(
                 reduction, following, outcomes = result.reduction, result.after, result.records
                 for record in (frame_taken_record(frame), *outcomes):
                     orbits.receive(record)
-                outcomes = (*outcomes, *orbits.derive_frame_records(), cycle.photometry(result))
+                light = cycle.photometry(reduction, outcomes)
+                outcomes = (*outcomes, *orbits.derive_frame_records(), light)
         except FrameError as error:
             yield path, error
             continue

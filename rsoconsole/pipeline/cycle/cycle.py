@@ -5,7 +5,7 @@ The engine, ``process`` and every replay run this, so that the same frames give 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rsoconsole.config import Config
@@ -118,13 +118,16 @@ class Cycle:
             decision, [(each.frame_id, each.records) for each in again]
         )
 
-    def photometry(self, result: CycleResult) -> Photometry:
-        """Measure the brightness of a frame's streaks, once its order is given; raise nothing."""
-        light, solution = result.reduction.light, result.reduction.solution
+    def photometry(self, reduction: Reduction, records: Iterable[Record] = ()) -> Photometry:
+        """Measure the brightness of a frame's streaks, once its order is given; raise nothing.
+
+        ``records``: the frame's own; those of its tracks tell the speed of streaks that it cuts.
+        """
+        light, solution = reduction.light, reduction.solution
         if light is None:
-            return Photometry(frame_id=result.reduction.detections.frame_id)
+            return Photometry(frame_id=reduction.detections.frame_id)
         speeds: dict[str, float] = {}
-        for each in result.records:
+        for each in records:
             if isinstance(each, TrackState) and isinstance(solution, Solution):
                 _, ra_rate, dec_deg, dec_rate = each.x
                 rate_deg_s = math.hypot(ra_rate * math.cos(math.radians(dec_deg)), dec_rate)
