@@ -21,6 +21,7 @@ from rsoconsole.session import (
     read_element_ledger,
     read_ledger,
 )
+from tests.nights.light_worlds import LightWorld, record_light, sinusoid
 from tests.nights.samples import SAMPLE
 from tests.nights.target_night import INDEX
 from tests.pages.command_house import PROGRAM, Done, House, NearHouse, Recipes, a_house
@@ -303,6 +304,14 @@ def calibrate_elements(house: House, command: str) -> None:
     assert len(rows) == 6
     # They stand 0.01 deg of the belt ahead.
     assert all(abs(each.along_km) == pytest.approx(7.36, abs=0.3) for each in rows)
+
+
+@RECIPES.of("rsoconsole lightcurve NIGHT --track 2", "rsoconsole lightcurve SESSION")
+def lightcurve(house: House, command: str) -> None:
+    session = record_light(house.here / "bright", LightWorld(light=sinusoid(90.0), frames=25))
+    is_of_track = "--track" in command
+    names = {"NIGHT --track 2": f"{session} --track 1"} if is_of_track else {"SESSION": "bright"}
+    assert "\nperiod " in house.run(command, names).stdout
 
 
 # ---- the ledger --------------------------------------------------------------------------------
