@@ -306,12 +306,14 @@ def calibrate_elements(house: House, command: str) -> None:
     assert all(abs(each.along_km) == pytest.approx(7.36, abs=0.3) for each in rows)
 
 
-@RECIPES.of("rsoconsole lightcurve NIGHT --track 2", "rsoconsole lightcurve SESSION")
+@RECIPES.of("rsoconsole lightcurve NIGHT --json", "rsoconsole lightcurve SESSION")
 def lightcurve(house: House, command: str) -> None:
-    session = record_light(house.here / "bright", LightWorld(light=sinusoid(90.0), frames=25))
-    is_of_track = "--track" in command
-    names = {"NIGHT --track 2": f"{session} --track 1"} if is_of_track else {"SESSION": "bright"}
-    assert "\nperiod " in house.run(command, names).stdout
+    record_light(house.here / "bright", LightWorld(light=sinusoid(90.0), frames=25))
+    done = house.run(command, {"NIGHT" if "--json" in command else "SESSION": "bright"})
+    if "--json" in command:
+        assert done.object["period"]["period_s"] == pytest.approx(90.0, rel=0.01)
+    else:
+        assert "\nperiod " in done.stdout
 
 
 # ---- the ledger --------------------------------------------------------------------------------
