@@ -21,6 +21,7 @@ from rsoconsole.session import (
     read_element_ledger,
     read_ledger,
 )
+from tests.nights.light_worlds import LightWorld, record_light, sinusoid
 from tests.nights.samples import SAMPLE
 from tests.nights.target_night import INDEX
 from tests.pages.command_house import PROGRAM, Done, House, NearHouse, Recipes, a_house
@@ -303,6 +304,16 @@ def calibrate_elements(house: House, command: str) -> None:
     assert len(rows) == 6
     # They stand 0.01 deg of the belt ahead.
     assert all(abs(each.along_km) == pytest.approx(7.36, abs=0.3) for each in rows)
+
+
+@RECIPES.of("rsoconsole lightcurve NIGHT --json", "rsoconsole lightcurve SESSION")
+def lightcurve(house: House, command: str) -> None:
+    record_light(house.here / "bright", LightWorld(light=sinusoid(90.0), frames=25))
+    done = house.run(command, {"NIGHT" if "--json" in command else "SESSION": "bright"})
+    if "--json" in command:
+        assert done.object["period"]["period_s"] == pytest.approx(90.0, rel=0.01)
+    else:
+        assert "\nperiod " in done.stdout
 
 
 # ---- the ledger --------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ def lightcurve(
 
     A glint is a short brightening far above the rest.
 
-    Example: rsoconsole lightcurve NIGHT --track 2
+    Example: rsoconsole lightcurve NIGHT --json
     """
     from rsoconsole.cli.words.light_words import light_csv, light_json, light_lines
     from rsoconsole.library import lightcurve as light_of

@@ -3,7 +3,14 @@
 from typing import Any
 
 from rsoconsole.records import Cause
-from rsoconsole.words import count_words, direction, pulse_words, streak_name_words, text
+from rsoconsole.words import (
+    count_words,
+    direction,
+    light_words,
+    pulse_words,
+    streak_name_words,
+    text,
+)
 
 
 def image_name(found: dict[str, Any]) -> str:

@@ -13,9 +13,10 @@ from rsoconsole.engine.tasks.exposures import Exposures
 from rsoconsole.engine.tasks.faults import Faults
 from rsoconsole.engine.tasks.field_tracks import AimAhead, aim_ahead
 from rsoconsole.engine.tasks.frame_lights import FrameLights
+from rsoconsole.engine.tasks.glint_watch import GlintWatch
 from rsoconsole.engine.tasks.pace import Pace, TemporarySettings
 from rsoconsole.engine.tasks.preview import CloseupPlaces
-from rsoconsole.pipeline import Cycle, Orbits, Reduction
+from rsoconsole.pipeline import Cycle, Orbits, Reduction, frame_taken_record
 from rsoconsole.records import (
     ChartStar,
     CycleTiming,
@@ -67,6 +68,7 @@ class FrameTurn:
         self._pace = Pace()
         self.temporary = TemporarySettings(self._pace.config_before_track)
         self._places = CloseupPlaces()
+        self._glints = GlintWatch()
 
     def begin_search(self, *, checks_pointing: bool) -> None:
         """Start a search; the next exposure is taken where the telescope points.
@@ -248,6 +250,8 @@ class FrameTurn:
         light = self._cycle.photometry(result.reduction, result.records)
         self._parts.session_log.append(light)
         self.note_light(light)
+        of_frame = (frame_taken_record(frame, blocked), *result.records, light)
+        self._parts.session_log.append_all(self._glints.glint_events(of_frame))
         stages["orbit"] = (known_s - ordered_s) * 1e3
         stages["light"] = (time.perf_counter() - known_s) * 1e3
         self._parts.session_log.append(CycleTiming(frame_id=frame.frame_id, stage_ms=stages))
