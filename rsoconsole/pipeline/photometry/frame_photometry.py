@@ -273,7 +273,9 @@ class _Measured:
         dx, dy = (x_b - x_a) / length, (y_b - y_a) / length
         along = (own[:, 0] - x_a) * dx + (own[:, 1] - y_a) * dy
         beside = np.abs((own[:, 1] - y_a) * dx - (own[:, 0] - x_a) * dy)
-        is_on_it = (beside < 1.2 * fwhm) & (along > -fwhm) & (along < length + fwhm)
+        # The streak may go on beyond the ends that were found.
+        reach = 4.0 * fwhm + 0.2 * length
+        is_on_it = (beside < 1.2 * fwhm) & (along > -reach) & (along < length + reach)
         confirmed = [n for n in np.flatnonzero(is_on_it) if self._was_there(*own[n])]
         is_on_it[confirmed] = False
         own = own[~is_on_it]

@@ -15,13 +15,16 @@ import numpy.typing as npt
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.arrays import BoolArray, IndexArray
 from rsoconsole.vision.frame.background import Background
-from rsoconsole.vision.lines.segments import Ends
+from rsoconsole.vision.lines.segments import Ends, length_of
 from rsoconsole.vision.photometry.star_image import StarImage
 from rsoconsole.vision.photometry.streak_strip import StreakStrip
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _HALF_FWHM, _MIN_HALF_PX = 4.5, 9.0
-_MARGIN_FWHM = 3.0
+_MARGIN_FWHM, _MARGIN_SHARE = 3.0, 0.15
+"""Length beyond either end: widths, and a share of the length, which may be found too short."""
+_BEYOND_SIGMAS = 3.0
+"""Light in that share beyond an end that belongs to the streak."""
 _KNOT_FWHM, _MAX_KNOTS = 8.0, 16
 _PATH_PASSES = 2
 _MAX_STARS = 30
@@ -92,7 +95,9 @@ def streak_flux(
     """
     fwhm = image.fwhm_px * scale
     half_px = max(_HALF_FWHM * fwhm, _MIN_HALF_PX)
-    strip = StreakStrip.of(pixels, sky, ends, half_px, _MARGIN_FWHM * fwhm)
+    length = length_of(ends)
+    margin_px = _MARGIN_FWHM * fwhm + min(_MARGIN_SHARE * length, 30.0)
+    strip = StreakStrip.of(pixels, sky, ends, half_px, margin_px)
     if strip is None:
         return None
     fit = _StripFit(strip, image, scale, fwhm)
@@ -106,7 +111,6 @@ def streak_flux(
             place
             for place in fit.lights_left()
             if abs(place[1]) > _ON_LINE_FWHM * fwhm
-            or not -fwhm < place[0] < strip.length_px + fwhm
             or (word := was_there(*strip.to_frame_px(*place)))
             or (word is None and (unasked := unasked - 1) >= 0)
         ]
@@ -231,33 +235,41 @@ class _StripFit:
         """Fit offset, tilt and bend of the path and the width of the line, the light even."""
         count = min(self.knots, 5)
         hats = self._hats(count) * self.edge
-        for _ in range(_PATH_PASSES):
-            v, step = self._across(), 0.05
+        step, level = 0.05, 0.0
+        for turn in range(_PATH_PASSES + 1):
+            v = self._across()
             line = self._profile(v, self.scale)
             by_v = self.edge * (self._profile(v - step, self.scale) - line) / step
-            wider = self.edge * (self._profile(v, self.scale * 1.02) - line)
-            light = max(float(self.found[:count].mean()) if self.found.size else 0.0, 0.0)
+            wider = self.edge * (self._profile(v, self.scale * 1.02) - line) / 0.02
             shape = np.stack([by_v, by_v * self.place, by_v * self.place**2, wider])
+            # The first turn finds the light alone, with which a change of shape is weighed.
+            shape = shape[: 4 if turn else 0]
             design = np.concatenate([hats * line, shape, self._star_columns, self.sky])
-            prior = np.zeros(len(design))
-            if light > 0.0:
-                prior[count + 3] = (0.02 / _WIDTH_SIGMA / light) ** 2
-            found, _, _ = self._least_squares(design, light * line * self.edge, prior)
+            light = max(level, 0.0)
+            prior, believed = np.zeros((2, len(design)))
+            if turn:
+                prior[count + 3] = 1.0 / max(_WIDTH_SIGMA * self.star_scale * light, 1e-9) ** 2
+                believed[count + 3] = light * (self.star_scale - self.scale) / self.scale
+            found, _, _ = self._least_squares(design, light * line * self.edge, prior, believed)
             level = float(found[:count].mean())
-            self.found = found
             if level <= 0.0:
                 return
-            move = np.clip(found[count : count + 3] / level, -0.5 * self.fwhm, 0.5 * self.fwhm)
-            self.path = np.clip(self.path + move, -1.5 * self.fwhm, 1.5 * self.fwhm)
-            change = float(np.clip(found[count + 3] / level, -5.0, 5.0))
-            self.scale = float(np.clip(self.scale * (1.0 + 0.02 * change), 0.7, 3.0))
+            if turn:
+                move = np.clip(found[count : count + 3] / level, -0.5 * self.fwhm, 0.5 * self.fwhm)
+                self.path = np.clip(self.path + move, -1.5 * self.fwhm, 1.5 * self.fwhm)
+                change = float(np.clip(found[count + 3] / level, -0.1, 0.1))
+                self.scale = float(np.clip(self.scale * (1.0 + change), 0.7, 3.0))
 
     def _least_squares(
-        self, design: FloatArray, expected: FloatArray, prior: FloatArray | float = 0.0
+        self,
+        design: FloatArray,
+        expected: FloatArray,
+        prior: FloatArray | float = 0.0,
+        believed: FloatArray | float = 0.0,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return parameters, their covariance by the sky's noise, and the weights of the pixels.
 
-        ``prior``: (parameters,) inverse variance with which each is believed to be 0.
+        ``prior``: (parameters,) inverse variance with which each is ``believed`` to be something.
         """
         weights = 1.0 / (self.strip.noise_adu**2 + (_MODEL_ERROR * expected) ** 2)
         for _ in range(2):
@@ -268,7 +280,7 @@ class _StripFit:
             covariance = np.asarray(
                 np.linalg.pinv(normal, hermitian=True, rcond=1e-12), dtype=np.float64
             )
-            found = covariance @ (weighted @ self.strip.light_adu)
+            found = covariance @ (weighted @ self.strip.light_adu + prior * believed)
             left = np.abs(self.strip.light_adu - found @ design) * np.sqrt(weights)
             # Huber's weights: cosmic rays and lights that are not in the model yet count less.
             weights = weights * np.minimum(1.0, 4.0 / np.maximum(left, 1e-9))
@@ -339,12 +351,13 @@ class _StripFit:
         modelled = _binned(column, weight * self.of_line, count) / np.maximum(norm, 1e-12)
         along = np.where(is_known, seen, modelled)
         variance = np.where(is_known, noise**2 / safe, 0.0)
-        flux = float(along.sum())
+        is_counted = self._counted(along, variance)
+        flux = float(along[is_counted].sum())
         spread = self._noise_factor(along, profile, column, clean, is_sound)
         integral = self._knot_lengths()
         by_fit = float(integral @ self.covariance[: self.knots, : self.knots] @ integral)
         by_stars = self._star_light(weight, norm, column) * _IMAGE_ERROR
-        by_noise = spread * math.sqrt(max(by_fit, float(variance.sum())))
+        by_noise = spread * math.sqrt(max(by_fit, float(variance[is_counted].sum())))
         sigma = math.hypot(by_noise, by_stars, _SHAPE_ERROR * flux)
         on_line = (np.abs(self.stars[:, 1]) < self.fwhm) & (self.stars[:, 0] > 0.0)
         on_line &= self.stars[:, 0] < self.length
@@ -360,6 +373,16 @@ class _StripFit:
             step_sigma_adu_px=steps[2],
             length_px=self.length,
         )
+
+    def _counted(self, along: FloatArray, variance: FloatArray) -> BoolArray:
+        """Columns whose light is the streak's: those near it, and beyond where light goes on."""
+        u = np.arange(along.size) - math.ceil(self.strip.margin_px)
+        near = _MARGIN_FWHM * self.fwhm
+        counted = (u > -near) & (u < self.length + near)
+        for beyond in ((u <= -near), (u >= self.length + near)):
+            light, noise = along[beyond].sum(), math.sqrt(float(variance[beyond].sum()))
+            counted |= beyond & bool(light > _BEYOND_SIGMAS * noise)
+        return np.asarray(counted)
 
     def _star_light(self, weight: FloatArray, norm: FloatArray, column: IndexArray) -> float:
         """Light of stars that would count as the line's, root of the sum of squares, ADU."""
