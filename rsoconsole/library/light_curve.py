@@ -13,7 +13,7 @@ from rsoconsole.night import (
     LightPoints,
     PeriodSearch,
     TrackLight,
-    track_light,
+    light_of_track,
     tracks_with_light,
 )
 from rsoconsole.records import Band, FloatArray
@@ -129,7 +129,7 @@ def lightcurve(session: Session | str | PathLike[str], track: int | None = None)
         raise InputError(f"there is no track {track}: there are {numbers}")
     numbers_lit = [*tracks_with_light(frames)]
     chosen = track if track is not None else next(iter(numbers_lit), None)
-    found = None if chosen is None else track_light(frames, chosen)
+    found = None if chosen is None else light_of_track(frames, chosen)
     if found is None:
         of = "any track" if track is None else f"track {track}"
         raise SessionError(

@@ -26,13 +26,10 @@ from .frames import is_external_change as is_external_change
 from .frames import is_instrument_miss as is_instrument_miss
 from .glints import Glint as Glint
 from .glints import glints_of as glints_of
-from .light_curve import LightCurve as LightCurve
 from .light_curve import LightPoints as LightPoints
-from .light_curve import light_curve as light_curve
 from .light_curve import light_curve_of as light_curve_of
 from .light_period import LightPeriod as LightPeriod
 from .light_period import PeriodSearch as PeriodSearch
-from .light_period import find_period as find_period
 from .log_lines import LogLine as LogLine
 from .log_lines import line_of as line_of
 from .night import Night as Night
@@ -49,7 +46,7 @@ from .table_rows import Logged as Logged
 from .table_rows import Row as Row
 from .table_rows import public_table_rows as public_table_rows
 from .track_light import TrackLight as TrackLight
-from .track_light import track_light as track_light
+from .track_light import light_of_track as light_of_track
 from .track_light import tracks_with_light as tracks_with_light
 from .tracks import NightTrack as NightTrack
 from .tracks import tracks_of as tracks_of

@@ -47,14 +47,14 @@ class Glint:
 def glints_of(curve: LightCurve) -> tuple[Glint, ...]:
     """Return the glints of a track's light curve, in order of time.
 
-    One that is seen in the steps of a frame's streak is not told again of the frame as a whole.
+    One that is seen in the steps of a frame's streak is not listed again for the frame as a whole.
     """
     within = _glints(curve.steps, curve.points, is_within_frame=True)
-    told = {each.frame_id for each in within}
+    within_ids = {each.frame_id for each in within}
     whole = _glints(curve.points, curve.points, is_within_frame=False)
     return tuple(
         sorted(
-            [*within, *(each for each in whole if each.frame_id not in told)],
+            [*within, *(each for each in whole if each.frame_id not in within_ids)],
             key=lambda each: each.t_utc_ns,
         )
     )
@@ -123,7 +123,7 @@ def _on_line(t_s: FloatArray, values: FloatArray) -> float:
 
 
 def _threshold(points: int) -> float:
-    """Sigmas that the highest of so many points of noise passes with ``GLINT_PROBABILITY``."""
+    """Sigmas that the highest of a number of points of noise passes with ``GLINT_PROBABILITY``."""
     from scipy.stats import norm
 
     return float(norm.isf(GLINT_PROBABILITY / points))

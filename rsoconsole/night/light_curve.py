@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rsoconsole.night.frame import NightFrame
-from rsoconsole.night.tracks import NightTrack, tracks_of
+from rsoconsole.night.tracks import NightTrack
 from rsoconsole.records import Band, FloatArray, Measurement, StreakLight, TrackState
 from rsoconsole.sky import wrap_180
 
@@ -81,15 +81,8 @@ class _Streak(NamedTuple):
     exposure_s: float
 
 
-def light_curve(frames: Iterable[NightFrame], track_id: int) -> LightCurve | None:
-    """Return the light curve of a track; None where no brightness of it is on record."""
-    kept = tuple(frames)
-    track = tracks_of(kept).get(track_id)
-    return None if track is None else light_curve_of(kept, track)
-
-
 def light_curve_of(frames: Sequence[NightFrame], track: NightTrack) -> LightCurve | None:
-    """Return the light curve of a track that is at hand; None where none is on record."""
+    """Return the light curve of a track; None where no brightness of it is on record."""
     by_id = {each.frame_id: each for each in frames}
     shared = {each.measurement_id for each in track.states if each.shared_with is not None}
     found = [

@@ -58,7 +58,7 @@ def tracks_with_light(frames: Sequence[NightFrame]) -> dict[int, LightCurve]:
     return dict(sorted(found.items(), key=lambda each: (-len(each[1].points), each[0])))
 
 
-def track_light(frames: Sequence[NightFrame], track_id: int) -> TrackLight | None:
+def light_of_track(frames: Sequence[NightFrame], track_id: int) -> TrackLight | None:
     """Return light curve, period and glints of a track; None where no brightness is on record."""
     track = tracks_of(frames).get(track_id)
     curve = None if track is None else light_curve_of(frames, track)

@@ -5,15 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsoconsole.night import Glint, frames_of, glints_of, light_curve
+from rsoconsole.night import Glint, glints_of
 from tests.makers import T0_UTC_NS
-from tests.nights.light_worlds import LightWorld, light_records, sinusoid, steady, trend
+from tests.nights.light_worlds import LightWorld, curve_of, light_records, sinusoid, steady, trend
 
 
 def glints(world: LightWorld) -> tuple[Glint, ...]:
-    curve = light_curve(frames_of(light_records(world)), 1)
-    assert curve is not None
-    return glints_of(curve)
+    return glints_of(curve_of(light_records(world)))
 
 
 def flash(t_flash_s: float, height_mag: float, sigma_s: float) -> Any:

@@ -6,16 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsoconsole.night import frames_of, light_curve
+from rsoconsole.night import frames_of, light_curve_of, tracks_of
 from rsoconsole.records import Measurement, Photometry, Record, TrackState
 from tests.makers import T0_UTC_NS
-from tests.nights.light_worlds import LightWorld, light_records, sinusoid, steady
-
-
-def curve_of(records: list[Record], track_id: int = 1) -> Any:
-    found = light_curve(frames_of(records), track_id)
-    assert found is not None
-    return found
+from tests.nights.light_worlds import LightWorld, curve_of, light_records, sinusoid, steady
 
 
 def changed(records: list[Record], kind: type, change: Any) -> list[Record]:
@@ -100,8 +94,8 @@ def test_no_light_no_curve() -> None:
         for each in light_records(LightWorld(light=steady, frames=5))
         if not isinstance(each, Photometry)
     ]
-    assert light_curve(frames_of(records), 1) is None
-    assert light_curve(frames_of(light_records(LightWorld(light=steady, frames=5))), 9) is None
+    frames = frames_of(records)
+    assert light_curve_of(frames, tracks_of(frames)[1]) is None
 
 
 def test_light_below_noise_has_no_magnitude_and_stays_in_the_curve() -> None:

@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsoconsole.night import PeriodSearch, find_period, frames_of, light_curve
-from tests.nights.light_worlds import LightWorld, light_records, sinusoid, steady, trend
+from rsoconsole.night import PeriodSearch
+from rsoconsole.night.light_period import find_period
+from tests.nights.light_worlds import LightWorld, curve_of, light_records, sinusoid, steady, trend
 from tests.tiers import plain_first
 
 PEAK_TO_PEAK_MAG = 0.5
@@ -22,9 +23,7 @@ Drawn = tuple[LightWorld, float | None]
 
 
 def search(world: LightWorld) -> PeriodSearch:
-    curve = light_curve(frames_of(light_records(world)), 1)
-    assert curve is not None
-    return find_period(curve)
+    return find_period(curve_of(light_records(world)))
 
 
 def world_of(random: np.random.Generator) -> LightWorld:
@@ -186,10 +185,8 @@ def test_saturated_streaks_have_no_part_in_it() -> None:
 
 
 def test_a_hundred_frames_with_steps_take_seconds() -> None:
-    curve = light_curve(
-        frames_of(light_records(LightWorld(light=sinusoid(3.3), frames=100, steps=60))), 1
-    )
-    assert curve is not None
+    world = LightWorld(light=sinusoid(3.3), frames=100, steps=60)
+    curve = curve_of(light_records(world))
     find_period(curve)
     began_s = time.process_time()
     find_period(curve)

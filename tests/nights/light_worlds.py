@@ -4,7 +4,7 @@ The light is a formula, averaged over exposures and steps by sampling it finely,
 streak as an image is, and given noise and transparency; nothing of it uses the code under test.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from rsoconsole.config import Config
+from rsoconsole.night import frames_of, light_curve_of, tracks_of
+from rsoconsole.night.light_curve import LightCurve
 from rsoconsole.records import (
     Detections,
     FrameTaken,
@@ -106,6 +108,14 @@ def light_records(world: LightWorld) -> list[Record]:
             ),
         ]
     return records
+
+
+def curve_of(records: Iterable[Record], track_id: int = 1) -> LightCurve:
+    """The light curve of a track of these records."""
+    frames = frames_of(records)
+    found = light_curve_of(frames, tracks_of(frames)[track_id])
+    assert found is not None
+    return found
 
 
 def record_light(folder: Path, world: LightWorld) -> Path:

@@ -10,7 +10,7 @@ from rsoconsole.library.notebook.figures.draw_sky import (
     write_corner_note,
 )
 from rsoconsole.library.notebook.night.night import DrawnNight
-from rsoconsole.night import LightPeriod, TrackLight, track_light, tracks_with_light
+from rsoconsole.night import LightPeriod, TrackLight, light_of_track, tracks_with_light
 from rsoconsole.words import no_period_words, period_words
 
 _STEPS: dict[str, Any] = {
@@ -43,7 +43,7 @@ def draw_light(figure: Any, night: DrawnNight, track: int | None = None) -> None
     panel stays empty.
     """
     chosen = next(iter(tracks_with_light(night.frames)), None) if track is None else track
-    found = None if chosen is None else track_light(night.frames, chosen)
+    found = None if chosen is None else light_of_track(night.frames, chosen)
     period = None if found is None else found.search.period
     panels = figure.subplots(1 if period is None else 2, 1, squeeze=False)[:, 0]
     upper = panels[-1]

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rsoconsole.night import NightFrame, track_light, tracks_with_light
+from rsoconsole.night import NightFrame, light_of_track, tracks_with_light
 from rsoconsole.records import Band
 from rsoconsole.words import false_alarm_words, glint_words, no_period_words, period_words
 
@@ -44,7 +44,7 @@ def summarise_light(frames: Sequence[NightFrame]) -> tuple[LightLine, ...]:
 
 
 def _line(frames: Sequence[NightFrame], number: int) -> LightLine:
-    found = track_light(frames, number)
+    found = light_of_track(frames, number)
     assert found is not None
     search, period = found.search, found.search.period
     words = no_period_words(
