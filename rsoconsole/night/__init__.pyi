@@ -30,6 +30,9 @@ from .light_curve import LightPoints as LightPoints
 from .light_curve import light_curve_of as light_curve_of
 from .light_period import LightPeriod as LightPeriod
 from .light_period import PeriodSearch as PeriodSearch
+from .lit_tracks import TrackLight as TrackLight
+from .lit_tracks import light_of_track as light_of_track
+from .lit_tracks import tracks_with_light as tracks_with_light
 from .log_lines import LogLine as LogLine
 from .log_lines import line_of as line_of
 from .night import Night as Night
@@ -45,8 +48,5 @@ from .quality import since_last_change as since_last_change
 from .table_rows import Logged as Logged
 from .table_rows import Row as Row
 from .table_rows import public_table_rows as public_table_rows
-from .track_light import TrackLight as TrackLight
-from .track_light import light_of_track as light_of_track
-from .track_light import tracks_with_light as tracks_with_light
 from .tracks import NightTrack as NightTrack
 from .tracks import tracks_of as tracks_of
