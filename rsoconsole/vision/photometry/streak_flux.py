@@ -36,6 +36,8 @@ _IMAGE_ERROR = 0.02
 """Error of a star's light that its image leaves on the line, as a share of that light."""
 _SHAPE_ERROR = 0.008
 """Error of the image of a line against that of a point, as a share of the line's light."""
+_EXCESS = 1.2
+"""Factor on the noise of a streak's light, by worlds drawn at random (tests/campaign/brightness)."""
 _CONFUSED = 12.0
 """Largest ratio of variances that one piece of sky beside the line may add to their mean."""
 _MAX_STEPS, _MIN_STEPS, _MIN_STEP_SNR = 240, 4, 1.5
@@ -149,7 +151,7 @@ class _StripLight(StripFit):
         integral = self._knot_lengths()
         by_fit = float(integral @ self.covariance[: self.knots, : self.knots] @ integral)
         by_stars = self._star_light(weight, norm, column) * _IMAGE_ERROR
-        by_noise = spread * math.sqrt(max(by_fit, float(variance[is_counted].sum())))
+        by_noise = _EXCESS * spread * math.sqrt(max(by_fit, float(variance[is_counted].sum())))
         sigma = math.hypot(by_noise, by_stars, _SHAPE_ERROR * flux)
         on_line = (np.abs(self.stars[:, 1]) < self.fwhm) & (self.stars[:, 0] > 0.0)
         on_line &= self.stars[:, 0] < self.length
