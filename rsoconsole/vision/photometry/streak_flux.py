@@ -37,7 +37,7 @@ _IMAGE_ERROR = 0.02
 _SHAPE_ERROR = 0.008
 """Error of the image of a line against that of a point, as a share of the line's light."""
 _EXCESS = 1.2
-"""Factor on the noise of a streak's light, by worlds drawn at random (tests/campaign/brightness)."""
+"""Factor on the noise of the light, by worlds drawn at random (tests/campaign/brightness.py)."""
 _CONFUSED = 12.0
 """Largest ratio of variances that one piece of sky beside the line may add to their mean."""
 _MAX_STEPS, _MIN_STEPS, _MIN_STEP_SNR = 240, 4, 1.5
