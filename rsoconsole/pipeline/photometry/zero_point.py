@@ -133,15 +133,20 @@ class _Fit:
                 best, self.height, self.scatter = score, 0.0, scatter
         self.length_px = _LENGTHS[-1] * diagonal_px
         widest = _SCATTERS_MAG.index(self.scatter)
-        for height in _HEIGHTS_MAG:
-            for share in _LENGTHS:
-                shape = common + height**2 * np.exp(-0.5 * (apart / (share * diagonal_px)) ** 2)
-                for scatter in _SCATTERS_MAG[max(widest - 4, 0) : widest + 1]:
-                    # Cloud is believed where the stars show it, not by a hair.
-                    score = self._log_likelihood(shape, scatter) - 1.0
-                    if score > best:
-                        best, self.height, self.scatter = score, height, scatter
-                        self.length_px = share * diagonal_px
+        scatters = _SCATTERS_MAG[max(widest - 4, 0) : widest + 1]
+        # A look with one length; the other two where that says that there is cloud.
+        for lengths in (_LENGTHS[1:2], (_LENGTHS[0], _LENGTHS[2])):
+            for height in _HEIGHTS_MAG:
+                for share in lengths:
+                    cloud = height**2 * np.exp(-0.5 * (apart / (share * diagonal_px)) ** 2)
+                    for scatter in scatters[::-2]:
+                        # Cloud is believed where the stars show it, not by a hair.
+                        score = self._log_likelihood(common + cloud, scatter) - 1.0
+                        if score > best:
+                            best, self.height, self.scatter = score, height, scatter
+                            self.length_px = share * diagonal_px
+            if self.height == 0.0:
+                break
         self.inverse, self.solved = self._solve()
 
     def _covariance(self) -> FloatArray:

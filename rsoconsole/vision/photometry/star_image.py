@@ -22,7 +22,7 @@ _MAX_STARS = 14
 _MIN_SNR = 30.0
 _BESIDE_SHARE = 0.03
 """Largest light of a neighbour, as a share of a star's, within its stamp."""
-_PASSES = 3
+_PASSES = 2
 _MODEL_ERROR = 0.01
 """Error of the image itself, as a share of its light at each pixel."""
 _CUT_SIGMAS = 4.0
@@ -102,6 +102,7 @@ def fit_star_image(
     for _ in range(_PASSES):
         for stamp in stamps:
             stamp.fit(image)
+            stamp.fit(image)  # with the place found
         shares = _shares(stamps, image)
         if shares is None:
             return plain
@@ -139,11 +140,14 @@ class _Stamp:
     """A star's pixels, with its place, light and sky as fitted last."""
 
     def __init__(
-        self, dx_px: FloatArray, dy_px: FloatArray, light: FloatArray, noise: float, scale: float
+        self, side_px: tuple[FloatArray, FloatArray], light: FloatArray, noise: float, scale: float
     ) -> None:
-        self.dx_px, self.dy_px, self.light = dx_px, dy_px, light
-        self.noise, self.scale = noise, scale
+        self.x_px, self.y_px = side_px
+        """(side,) offsets of columns and rows from the star."""
+        self.light, self.noise, self.scale = light, noise, scale
         self.flux = self.sky = 0.0
+        self.columns = np.zeros((0, light.size))
+        """(k, n) each Gaussian, of unit light, at the pixels."""
         self.is_kept = np.ones(light.size, bool)
 
     @classmethod
@@ -152,24 +156,24 @@ class _Stamp:
     ) -> "_Stamp":
         x, y = float(stars.x_px[n]), float(stars.y_px[n])
         column, row = round(x), round(y)
-        ys, xs = np.mgrid[
-            row - half_px : row + half_px + 1, column - half_px : column + half_px + 1
-        ]
-        light = pixels[ys, xs].astype(np.float64).ravel() - sky.at(sky.level, x, y)
-        return cls(
-            (xs - x).ravel(),
-            (ys - y).ravel(),
-            light,
-            sky.at(sky.noise, x, y),
-            stars.fwhm_at(x, y) / stars.median_fwhm_px,
-        )
+        side = np.arange(-half_px, half_px + 1, dtype=np.float64)
+        box = pixels[row - half_px : row + half_px + 1, column - half_px : column + half_px + 1]
+        light = box.astype(np.float64).ravel() - sky.at(sky.level, x, y)
+        scale = stars.fwhm_at(x, y) / stars.median_fwhm_px
+        places = np.asarray(side + (column - x)), np.asarray(side + (row - y))
+        return cls(places, light, sky.at(sky.noise, x, y), scale)
 
-    def gaussians(self, image: StarImage) -> FloatArray:
-        """(k, n) each Gaussian of the image, of unit light, at the pixels."""
-        trail = image.trail_px, image.trail_deg
-        return np.stack(
-            [_drawn_out(self.dx_px, self.dy_px, s * self.scale, *trail) for s in image.sigmas_px]
+    def _gaussians(self, image: StarImage) -> FloatArray:
+        sigmas = (image.sigmas_px * self.scale)[:, None]
+        if image.trail_px:
+            dx, dy = (each.ravel() for each in np.meshgrid(self.x_px, self.y_px))
+            trail = image.trail_px, image.trail_deg
+            return np.stack([_drawn_out(dx, dy, float(s), *trail) for s in sigmas[:, 0]])
+        along, down = (
+            np.exp(-0.5 * (side / sigmas) ** 2) / (_ROOT_2PI * sigmas)
+            for side in (self.x_px, self.y_px)
         )
+        return np.asarray((down[:, :, None] * along[:, None, :]).reshape(len(sigmas), -1))
 
     def weights(self, model: FloatArray) -> FloatArray:
         """Weights of the pixels, by noise and the error of the image itself."""
@@ -177,17 +181,20 @@ class _Stamp:
 
     def fit(self, image: StarImage) -> None:
         """Fit light, sky and a small move of the place; then leave out pixels far off."""
-        columns = self.gaussians(image)
-        here = image.shares @ columns
+        self.columns = self._gaussians(image)
+        here = image.shares @ self.columns
         # Of a Gaussian by its centre; for a trail across and along it alike, which is near enough.
-        slope = (image.shares / (image.sigmas_px * self.scale) ** 2) @ columns
-        design = np.stack([here, slope * self.dx_px, slope * self.dy_px, np.ones(here.size)])
+        slope = (image.shares / (image.sigmas_px * self.scale) ** 2) @ self.columns
+        side = self.x_px.size
+        by_x = slope * np.tile(self.x_px, side)
+        by_y = slope * np.repeat(self.y_px, side)
+        design = np.stack([here, by_x, by_y, np.ones(here.size)])
         weighted = design * self.weights(max(self.flux, 0.0) * here)
         found = np.linalg.lstsq(weighted @ design.T, weighted @ self.light, rcond=None)[0]
         self.flux, self.sky = float(found[0]), float(found[3])
         if self.flux > 0.0:
             dx, dy = np.clip(found[1:3] / self.flux, -0.5, 0.5)
-            self.dx_px, self.dy_px = self.dx_px - dx, self.dy_px - dy
+            self.x_px, self.y_px = self.x_px - dx, self.y_px - dy
         sigma = np.sqrt(self.noise**2 + (0.1 * self.flux * here) ** 2)
         self.is_kept = np.abs(self.light - found @ design) < _CUT_SIGMAS * sigma
 
@@ -201,10 +208,10 @@ def _shares(stamps: list[_Stamp], image: StarImage) -> FloatArray | None:
     for stamp in stamps:
         if stamp.flux <= 0.0:
             continue
-        columns = stamp.gaussians(image)
-        weights = stamp.weights(stamp.flux * (image.shares @ columns)) * stamp.flux**2
-        normal += (columns * weights) @ columns.T
-        right += (columns * weights) @ ((stamp.light - stamp.sky) / stamp.flux)
+        weights = stamp.weights(stamp.flux * (image.shares @ stamp.columns)) * stamp.flux**2
+        weighted = stamp.columns * weights
+        normal += weighted @ stamp.columns.T
+        right += weighted @ ((stamp.light - stamp.sky) / stamp.flux)
     if not normal.any():
         return None
     factor = np.linalg.cholesky(normal + np.eye(count) * 1e-9 * np.trace(normal))
