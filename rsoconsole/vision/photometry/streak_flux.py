@@ -136,7 +136,8 @@ class _StripLight(StripFit):
         clean = strip.light_adu - self.of_stars - self.of_sky
         profile = self._profile(self.v_px, self.scale)
         column, count = strip.bins()
-        is_sound = self.weights * (noise**2) > 0.1
+        # What stands out on the line is the object's own flash; beside it a cosmic ray.
+        is_sound = (self.weights * (noise**2) > 0.1) | (np.abs(self.v_px) < 1.5 * self.fwhm)
         weight = profile * is_sound
         norm = _binned(column, weight * profile, count)
         is_known = norm > 0.3 * float(np.median(norm[norm > 0.0], axis=0))
