@@ -162,7 +162,7 @@ def test_a_streak_outside_the_frame_has_no_light() -> None:
         fit_star_image(pixels, sky, stars, SATURATION_ADU),
         (400.0, 50.0, 450.0, 60.0),
         stars_px=np.zeros((0, 2)),
-        was_there=lambda x, y: None,
+        was_there=lambda *_: None,
         saturation_adu=SATURATION_ADU,
     )
     assert found is None
