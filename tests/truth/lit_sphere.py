@@ -1,6 +1,7 @@
 """Magnitude of a diffuse sphere on an orbit: distance, phase and shadow by skyfield alone."""
 
 import math
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,8 +32,11 @@ def sphere_by_skyfield(record: Satrec, site: Site, t_utc_ns: Any) -> Sphere:
     from skyfield.api import EarthSatellite, load, load_file, wgs84
 
     scale = load.timescale(builtin=True)
-    seconds = np.atleast_1d(np.asarray(t_utc_ns, np.int64)) / 1e9
-    t = scale.utc(1970, 1, 1, 0, 0, seconds)
+    instants = np.atleast_1d(np.asarray(t_utc_ns, np.int64))
+    # From the day's beginning on: since 1970 there were leap seconds.
+    day = datetime.fromtimestamp(int(instants[0]) // 86_400_000_000_000 * 86_400, tz=UTC)
+    seconds = (instants - int(day.timestamp()) * 1_000_000_000) / 1e9
+    t = scale.utc(day.year, day.month, day.day, 0, 0, seconds)
     satellite = EarthSatellite.from_satrec(record, scale)
     place = wgs84.latlon(site.latitude_deg, site.longitude_deg, site.elevation_m)
     line = (satellite - place).at(t).position.km
