@@ -20,9 +20,11 @@ from rsoconsole.pipeline import (
     FieldCrossing,
     NightPass,
     RoundField,
+    VisibleSatellite,
     field_crossings,
     night_passes,
     predicted_magnitude,
+    visible_satellites,
 )
 from rsoconsole.records import Site
 from rsoconsole.session import element_ledger_path, replace_session_rows
@@ -51,7 +53,9 @@ def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "none.toml").write_text("")
 
 
-def agree(one: NightPass | FieldCrossing, t_utc_ns: int, site: Site, record: Any) -> bool | None:
+def agree(
+    one: NightPass | FieldCrossing | VisibleSatellite, t_utc_ns: int, site: Site, record: Any
+) -> bool | None:
     """Compare with skyfield; return whether it is lit, None within seconds of the shadow's edge."""
     about = t_utc_ns + np.array([-15, 0, 15]) * NS_PER_S
     seen = sphere_by_skyfield(record, site, about)
@@ -93,6 +97,14 @@ def test_crossings_have_it_where_they_are_nearest(elements: str) -> None:
                 lit.append(agree(each, at, SITES[0], records[each.norad_id]))
     assert lit.count(True) > 2
     assert lit.count(False) > 0
+
+
+def test_what_is_up_now_has_it_at_that_instant() -> None:
+    entries = parse_element_sets(BELT.read_bytes()).entries
+    records = {each.norad_id: each.record for each in entries}
+    found = visible_satellites(entries, SITES[0], FROM, LimitsConfig(min_altitude_deg=15.0))
+    lit = [agree(each, FROM, SITES[0], records[each.norad_id]) for each in found]
+    assert lit.count(True) > 5
 
 
 def test_one_of_unknown_brightness_has_none() -> None:

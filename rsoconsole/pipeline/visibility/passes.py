@@ -369,6 +369,10 @@ class VisibleSatellite:
     alt_deg: float
     az_deg: float
     is_lit: bool
+    range_km: float
+    """Distance from the site."""
+    phase_deg: float
+    """Angle at the object between Sun and site."""
     rate_arcsec_s: float
     """Angular rate against the stars."""
     minutes_left: float | None
@@ -394,7 +398,9 @@ def visible_satellites(
         return ()
     ra_deg, dec_deg = unit_to_direction(now.line_km[is_up])
     rates = np.asarray(separation_deg(ra_deg[:, 0], dec_deg[:, 0], ra_deg[:, 1], dec_deg[:, 1]))
-    lit = lit_fraction(now.r_km[is_up, 0], t_utc_ns) >= LIT_SHARE
+    r_km, line_km = now.r_km[is_up, 0], now.line_km[is_up, 0]
+    lit = lit_fraction(r_km, t_utc_ns) >= LIT_SHARE
+    phases_deg = phase_angle_deg(r_km, r_km - line_km, t_utc_ns)
     left = _minutes_left(there, site, t_utc_ns, limits)
     found = [
         VisibleSatellite(
@@ -405,6 +411,8 @@ def visible_satellites(
             alt_deg=float(now.alt_deg[is_up][n, 0]),
             az_deg=float(now.az_deg[is_up][n, 0]),
             is_lit=bool(lit[n]),
+            range_km=float(np.linalg.norm(line_km[n])),
+            phase_deg=float(phases_deg[n]),
             rate_arcsec_s=float(rates[n]) * 3600.0 / RATE_STEP_S,
             minutes_left=None if np.isinf(left[n]) else float(left[n]),
         )

@@ -1,4 +1,4 @@
-"""How bright an object will be at the best moment of its pass or crossing. Pure.
+"""How bright an object is now, or will be at the best moment of its pass or crossing. Pure.
 
 As a diffuse sphere at that distance and phase angle, above the air. Panels and glints make a real
 satellite brighter or fainter than that: its own scatter is in the sigma, a glint is not.
@@ -8,11 +8,11 @@ from collections.abc import Mapping
 
 from rsoconsole.orbits import StandardMagnitude, apparent_magnitude
 from rsoconsole.pipeline.visibility.crossings import FieldCrossing
-from rsoconsole.pipeline.visibility.passes import NightPass
+from rsoconsole.pipeline.visibility.passes import NightPass, VisibleSatellite
 
 
 def predicted_magnitude(
-    one: NightPass | FieldCrossing, standard: Mapping[int, StandardMagnitude]
+    one: NightPass | FieldCrossing | VisibleSatellite, standard: Mapping[int, StandardMagnitude]
 ) -> tuple[float, float] | None:
     """Return the apparent magnitude and its sigma at the top of a pass, or nearest to the centre.
 
