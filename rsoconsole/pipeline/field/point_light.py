@@ -60,7 +60,7 @@ class PointLight:
     is_saturated: np.ndarray
     exposure_s: float
     zero: ZeroPoint | None
-    shape_error: float
+    width_scatter: float
     image: StarImage
     fwhm_px: float
     psf_field: PsfField | None
@@ -77,7 +77,7 @@ class PointLight:
         if not math.isfinite(self.flux_adu[n]) or share < _MIN_SHARE:
             return None
         flux = float(self.flux_adu[n]) / share
-        sigma = math.hypot(float(self.sigma_adu[n]) / share, self.shape_error * flux)
+        sigma = math.hypot(float(self.sigma_adu[n]) / share, self.width_scatter * flux)
         level, level_sigma, by_colour = 0.0, 0.0, None
         if self.zero is not None:
             level, level_sigma = self.zero.along(np.array([place_px]))
@@ -109,9 +109,8 @@ def point_light(
     try:
         image = fit_star_image(frame.pixels, background, stars, frame.saturation_adu)
         known = catalogue_fluxes(field, background, image)
-        zero = None
-        if known is not None:
-            zero, image = known.zero_point((frame.width_px, frame.height_px)), known.image
+        size_px = frame.width_px, frame.height_px
+        zero = None if known is None else known.zero_point(size_px)
         found = star_fluxes(
             frame.pixels,
             background,
@@ -131,7 +130,7 @@ def point_light(
         is_saturated=found.is_saturated,
         exposure_s=frame.exposure_s,
         zero=zero,
-        shape_error=0.0 if known is None else known.shape_error,
+        width_scatter=0.0 if known is None else known.width_scatter,
         image=image,
         fwhm_px=stars.median_fwhm_px,
         psf_field=stars.psf_field,

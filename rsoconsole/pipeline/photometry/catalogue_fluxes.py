@@ -2,7 +2,7 @@
 
 import logging
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,10 +44,8 @@ class CatalogueFluxes:
     vt_mag: FloatArray
     flux_sigma_adu: float
     """Median sigma of a star's light by the noise of the sky."""
-    image: StarImage
-    """Image of a point, as wide as the bright stars are."""
-    shape_error: float
-    """One sigma of the light of a star without a width of its own, as a share of it."""
+    width_scatter: float
+    """One sigma of widths from star to star, as a share: that of a point's light by its width."""
 
     def zero_point(self, size_px: tuple[int, int]) -> ZeroPoint | None:
         """Fit the zero point of the frame of ``size_px`` (width, height); None with few stars."""
@@ -130,7 +128,7 @@ def _measured(  # noqa: PLR0917 - the frame, how it is measured, and which stars
         return None
     stars, chosen = known[1], numbers[good]
     flux, by_noise = flux[good], MAG_PER_LN * sigma[good] / flux[good]
-    by_shape = MAG_PER_LN * np.where(found.is_fitted[:count][good], 0.0, found.shape_error)
+    by_shape = MAG_PER_LN * found.shape_error[:count][good]
     by_catalogue = np.nan_to_num(stars.sigma_mag[chosen], nan=_UNKNOWN_SIGMA_MAG)
     return CatalogueFluxes(
         known_px=known[0],
@@ -142,8 +140,7 @@ def _measured(  # noqa: PLR0917 - the frame, how it is measured, and which stars
         ),
         vt_mag=stars.magnitude[chosen],
         flux_sigma_adu=float(np.nanmedian(sigma)),
-        image=replace(image, sigmas_px=image.sigmas_px * found.wider),
-        shape_error=found.shape_error,
+        width_scatter=found.width_scatter,
     )
 
 

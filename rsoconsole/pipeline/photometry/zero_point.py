@@ -20,14 +20,17 @@ OBJECT_COLOUR_SIGMA_MAG = 0.25
 """One sigma of a satellite's BT - VT about the Sun's."""
 MIN_STARS = 5
 MAX_STARS = 60
-_COLOUR_PRIOR_SIGMA = 0.3
-"""One sigma of a colour term before a star is seen: a camera without a filter has 0.2 to 0.4."""
+_COLOUR_PRIOR_SIGMA = 0.5
+"""One sigma of a colour term before a star is seen: 0.2 to 0.4 without a filter or in red, more in
+blue."""
 _HEIGHTS_MAG = (0.01, 0.03, 0.08, 0.2, 0.5)
 _LENGTHS = (0.12, 0.25, 0.6)
 """Lengths over which cloud changes, in units of the frame's diagonal."""
 _SCATTERS_MAG = (0.003, 0.008, 0.015, 0.025, 0.04, 0.06, 0.1, 0.15, 0.25)
 _SCATTER_PRIOR_MAG = 0.06
 """Mean scatter of stars beyond noise and catalogue beforehand, of an exponential prior."""
+_HEIGHT_PRIOR_MAG = 0.15
+"""Mean height of cloud beforehand, likewise."""
 _CUT_SIGMAS, _ROUNDS = 3.5, 3
 _STRANGE_SIGMAS, _MAX_STRANGE_SHARE = 1.8, 0.25
 """Residual from which a star may be left out for another reason, and largest share of those."""
@@ -173,7 +176,8 @@ class _Fit:
                     cloud = height**2 * np.exp(-0.5 * (apart / (share * diagonal_px)) ** 2)
                     for scatter in scatters[::-2]:
                         # Cloud is believed where the stars show it, not by a hair.
-                        score = self._log_likelihood(common + cloud, scatter) - 1.0
+                        score = self._log_likelihood(common + cloud, scatter)
+                        score -= 1.0 + height / _HEIGHT_PRIOR_MAG
                         if score > best:
                             best, self.height, self.scatter = score, height, scatter
                             self.length_px = share * diagonal_px

@@ -15,14 +15,18 @@ _STAMP_FWHM, _MIN_STAMP_PX = 2.0, 3
 _SATURATED = 0.95
 _FIT_SNR = 30.0
 """SNR from which a star has a width and place of its own."""
-_FIT_STEPS = 4
+_FIT_STEPS = 3
 _MAX_MOVE_FWHM, _MAX_WIDER = 0.35, 1.6
 """Largest move of a star's place, in widths, and largest change of its width, as a factor."""
 _MODEL_ERROR = 0.03
 """Error of the image, as a share of its light, in the fit of width and place."""
-_WIDTH_STEP = 0.02
+_WIDTH_SCATTERS = (0.0, 0.01, 0.02, 0.035, 0.05, 0.08, 0.12, 0.18)
+_NOISE_FACTORS = (1.0, 1.6, 2.5, 4.0, 7.0)
+_SCATTER_PRIOR, _FACTOR_PRIOR = 0.05, 1.0
+"""Mean scatter of widths, and mean excess of the factor over 1, of exponential priors."""
+_MAX_WIDTH_SIGMAS = 3.0
 _MIN_WIDTHS = 4
-"""Fewest fitted stars by which widths of all others are judged."""
+"""Fewest fitted stars by which widths are judged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,13 +38,10 @@ class StarFluxes:
     sigma_adu: FloatArray
     """One sigma by the noise of the sky."""
     is_saturated: BoolArray
-    is_fitted: BoolArray
-    """Stars with a width and place of their own."""
-    shape_error: float = 0.0
-    """One sigma of the light of a star without a width of its own, as a share of it, by the scatter
-    of widths from star to star; 0 where none was fitted."""
-    wider: float = 1.0
-    """Median width of the fitted stars over the image's."""
+    shape_error: FloatArray
+    """One sigma by the star's unknown width, as a share of its light; 0 where none was fitted."""
+    width_scatter: float = 0.0
+    """One sigma of widths from star to star, as a share."""
 
 
 def star_fluxes(
@@ -72,21 +73,46 @@ def star_fluxes(
     )
     is_saturated = stars.are_above(_SATURATED * saturation_adu)
     flux, sigma = stars.solve()
-    is_fitted = np.zeros(len(flux), bool)
-    shape_error, wider = 0.0, 1.0
+    widths = _Widths(change=0.0, scatter=0.0)
     if fits_shapes:
         with np.errstate(invalid="ignore"):
-            is_fitted = (flux > _FIT_SNR * sigma) & ~is_saturated
-        wider, shape_error = stars.fit_shapes(np.flatnonzero(is_fitted), flux)
+            bright = (flux > _FIT_SNR * sigma) & ~is_saturated
+        widths = stars.fit_shapes(np.flatnonzero(bright), flux)
         flux, sigma = stars.solve()
     return StarFluxes(
         flux_adu=flux,
         sigma_adu=sigma,
         is_saturated=is_saturated,
-        is_fitted=is_fitted,
-        shape_error=shape_error,
-        wider=wider,
+        shape_error=stars.shape_error,
+        width_scatter=widths.scatter,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Widths:
+    """How the widths of stars differ from those that the image gives them, by their logarithms."""
+
+    change: float
+    scatter: float
+    noise_factor: float = 1.0
+    """Error of a fitted width over that by the noise of the sky: neighbours are no noise."""
+
+    @classmethod
+    def of(cls, change: FloatArray, sigma: FloatArray) -> "_Widths":
+        """Likeliest scatter and error for fitted changes of width and their sigmas by noise."""
+        best, best_score = cls(0.0, 0.0), -math.inf
+        for scatter in _WIDTH_SCATTERS:
+            for factor in _NOISE_FACTORS:
+                spread = np.hypot(scatter, factor * sigma)
+                order = np.argsort(change)
+                share = np.cumsum(1.0 / spread[order])
+                middle = float(change[order][np.searchsorted(share, 0.5 * share[-1])])
+                off = np.minimum(np.abs(change - middle) / spread, _MAX_WIDTH_SIGMAS)
+                score = -float((0.5 * off**2 + np.log(spread)).sum())
+                score -= scatter / _SCATTER_PRIOR + (factor - 1.0) / _FACTOR_PRIOR
+                if score > best_score:
+                    best, best_score = cls(middle, scatter, factor), score
+        return best
 
 
 class _Stars:
@@ -106,6 +132,7 @@ class _Stars:
         self._places, self._scales, self._fwhm_px = places_px, scales, fwhm_px
         self._half = _stamp_half_px(image, fwhm_px)
         self._offset = np.arange(-self._half, self._half + 1)
+        self.shape_error = np.zeros(len(places_px))
 
     def _stamp(self, n: int) -> tuple[int, int] | None:
         """Row and column of a star's middle; None where its stamp reaches beyond the frame."""
@@ -166,27 +193,38 @@ class _Stars:
             flux[group] = np.linalg.lstsq(among, right[group], rcond=1e-6)[0]
         return flux, sigma
 
-    def fit_shapes(self, stars: IndexArray, flux_adu: FloatArray) -> tuple[float, float]:
-        """Fit place and width of bright stars; return the median change of width, and its scatter.
+    def fit_shapes(self, stars: IndexArray, flux_adu: FloatArray) -> _Widths:
+        """Fit place and width of bright stars, and how far widths differ from star to star.
 
-        The other stars take over the median change, a factor.
+        A width is believed as far as widths differ from star to star, and where it is far off the
+        others'. What they have in common is left as it is: streaks are measured with that image.
         """
         before = self._scales.copy()
-        for n in stars:
-            self._fit(int(n), flux_adu)
-        if len(stars) < _MIN_WIDTHS:
-            return 1.0, 0.0
-        change = np.log(self._scales[stars] / before[stars])
-        middle = float(np.median(change))
-        is_other = np.ones(len(before), bool)
-        is_other[stars] = False
-        self._scales[is_other] *= math.exp(middle)
-        return math.exp(middle), 1.4826 * float(np.median(np.abs(change - middle)))
+        fits = [self._fit(int(n), flux_adu) for n in stars]
+        is_fitted = np.array([each is not None for each in fits], dtype=bool)
+        fitted = stars[is_fitted]
+        sigma = np.array([each for each in fits if each is not None])
+        change = np.log(self._scales[fitted] / before[fitted])
+        self._scales = before
+        if len(fitted) < _MIN_WIDTHS:
+            return _Widths(0.0, 0.0)
+        found = _Widths.of(change, sigma)
+        own, common = (found.noise_factor * sigma) ** 2, found.scatter**2
+        is_odd = (change - found.change) ** 2 > _MAX_WIDTH_SIGMAS**2 * (common + own)
+        belief = np.where(is_odd, 1.0, common / (common + own))
+        self._scales[fitted] *= np.exp(belief * (change - found.change))
+        self.shape_error[:] = found.scatter
+        self.shape_error[fitted] = np.sqrt(belief * own)
+        return found
 
-    def _fit(self, n: int, flux_adu: FloatArray) -> None:
+    def _fit(self, n: int, flux_adu: FloatArray) -> float | None:
+        """Fit a star's place and width; return the sigma of its width by noise, as a share.
+
+        None where it cannot be fitted.
+        """
         at = self._stamp(n)
         if at is None:
-            return
+            return None
         row, column = at
         light = self._light(row, column)
         for m in self._near(n):
@@ -197,29 +235,23 @@ class _Stars:
         flux = float(flux_adu[n])
         reach_px = _MAX_MOVE_FWHM * self._fwhm_px
         for _ in range(_FIT_STEPS):
-            here = self._of(n, row, column)
-            sides = []
-            for axis in (0, 1):
-                self._places[n, axis] += _WIDTH_STEP
-                sides.append((self._of(n, row, column) - here) / _WIDTH_STEP)
-                self._places[n, axis] -= _WIDTH_STEP
-            self._scales[n] *= 1.0 + _WIDTH_STEP
-            wider = (self._of(n, row, column) - here) / _WIDTH_STEP
-            self._scales[n] /= 1.0 + _WIDTH_STEP
-            design = np.stack([each.ravel() for each in (here, *sides, wider, np.ones_like(here))])
+            x, y = self._places[n]
+            xs, ys = self._offset[None, :] + column, self._offset[:, None] + row
+            here, *slopes = self._image.with_slopes(xs - x, ys - y, float(self._scales[n]))
+            design = np.stack([each.ravel() for each in (here, *slopes, np.ones(here.shape))])
             weights = 1.0 / (noise**2 + (_MODEL_ERROR * flux * here.ravel()) ** 2)
-            found = np.linalg.lstsq(
-                (design * weights) @ design.T, (design * weights) @ light.ravel(), rcond=None
-            )[0]
+            inverse = np.linalg.inv((design * weights) @ design.T)
+            found = inverse @ ((design * weights) @ light.ravel())
             flux = float(found[0])
             if flux <= 0.0:
                 self._places[n], self._scales[n] = place, scale
-                return
+                return None
             step = np.clip(found[1:4] / flux, -0.3, 0.3)
             moved = np.clip(self._places[n] + step[:2] - place, -reach_px, reach_px)
             self._places[n] = place + moved
             changed = self._scales[n] * math.exp(float(step[2])) / scale
             self._scales[n] = scale * min(max(changed, 1.0 / _MAX_WIDER), _MAX_WIDER)
+        return math.sqrt(max(float(inverse[3, 3]), 0.0)) / flux
 
 
 def drawn_out_share(
