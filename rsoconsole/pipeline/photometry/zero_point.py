@@ -29,7 +29,7 @@ _LENGTHS = (0.12, 0.25, 0.6)
 _SCATTERS_MAG = (0.003, 0.008, 0.015, 0.025, 0.04, 0.06, 0.1, 0.15, 0.25)
 _SCATTER_PRIOR_MAG = 0.06
 """Mean scatter of stars beyond noise and catalogue beforehand, of an exponential prior."""
-_HEIGHT_PRIOR_MAG = 0.15
+_HEIGHT_PRIOR_MAG = 0.2
 """Mean height of cloud beforehand, likewise."""
 _CUT_SIGMAS, _ROUNDS = 3.5, 3
 _STRANGE_SIGMAS, _MAX_STRANGE_SHARE = 1.8, 0.25

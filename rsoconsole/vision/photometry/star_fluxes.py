@@ -196,8 +196,9 @@ class _Stars:
     def fit_shapes(self, stars: IndexArray, flux_adu: FloatArray) -> _Widths:
         """Fit place and width of bright stars, and how far widths differ from star to star.
 
-        A width is believed as far as widths differ from star to star, and where it is far off the
-        others'. What they have in common is left as it is: streaks are measured with that image.
+        A width is believed as far as widths differ from star to star. A star far narrower than the
+        others is believed too; one far wider is a blend, whose light is doubtful by as much. What
+        all have in common is left as it is: streaks are measured with that image.
         """
         before = self._scales.copy()
         fits = [self._fit(int(n), flux_adu) for n in stars]
@@ -210,11 +211,11 @@ class _Stars:
             return _Widths(0.0, 0.0)
         found = _Widths.of(change, sigma)
         own, common = (found.noise_factor * sigma) ** 2, found.scatter**2
-        is_odd = (change - found.change) ** 2 > _MAX_WIDTH_SIGMAS**2 * (common + own)
-        belief = np.where(is_odd, 1.0, common / (common + own))
-        self._scales[fitted] *= np.exp(belief * (change - found.change))
+        off, limit = change - found.change, _MAX_WIDTH_SIGMAS * np.sqrt(common + own)
+        belief = np.where(off < -limit, 1.0, common / (common + own))
+        self._scales[fitted] *= np.exp(belief * off)
         self.shape_error[:] = found.scatter
-        self.shape_error[fitted] = np.sqrt(belief * own)
+        self.shape_error[fitted] = np.where(off > limit, off, np.sqrt(belief * own))
         return found
 
     def _fit(self, n: int, flux_adu: FloatArray) -> float | None:
