@@ -74,12 +74,40 @@ class StarImage:
             )
         )
 
+    def with_slopes(
+        self, dx_px: FloatArray, dy_px: FloatArray, scale: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Light per pixel, and how it changes as the point moves along x and y and ln scale grows.
+
+        By finite steps where drift has drawn the image out.
+        """
+        if self.trail_px >= _MIN_TRAIL_PX:
+            step = _SLOPE_STEP
+            here = self.at(dx_px, dy_px, scale)
+            others = (
+                self.at(dx_px - step, dy_px, scale),
+                self.at(dx_px, dy_px - step, scale),
+                self.at(dx_px, dy_px, scale * math.exp(step)),
+            )
+            along_x, along_y, wider = ((each - here) / step for each in others)
+            return here, along_x, along_y, wider
+        r2 = dx_px * dx_px + dy_px * dy_px
+        here, slope, wider = (np.zeros(r2.shape) for _ in range(3))
+        for share, sigma in zip(self.shares, self.sigmas_px * scale, strict=True):
+            light = share * np.exp(-0.5 * r2 / sigma**2) / (2.0 * math.pi * sigma**2)
+            here += light
+            slope += light / sigma**2
+            wider += light * (r2 / sigma**2 - 2.0)
+        return here, slope * dx_px, slope * dy_px, wider
+
     def across(self, v_px: FloatArray, scale: float = 1.0) -> FloatArray:
         """Cross-section of an endless line of unit light a px of length, at distances ``v_px``."""
         s = self.sigmas_px[:, None] * scale
         return np.asarray(self.shares @ (np.exp(-0.5 * (v_px / s) ** 2) / (s * _ROOT_2PI)))
 
 
+_MIN_TRAIL_PX = 0.05
+_SLOPE_STEP = 0.02
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
 
 
@@ -224,7 +252,7 @@ def _drawn_out(
     dx_px: FloatArray, dy_px: FloatArray, sigma_px: FloatArray | float, length_px: float, deg: float
 ) -> FloatArray:
     """Gaussian of unit light, drawn out evenly along a centred line of a length and direction."""
-    if length_px < 0.05:
+    if length_px < _MIN_TRAIL_PX:
         r2 = dx_px * dx_px + dy_px * dy_px
         return np.asarray(np.exp(-0.5 * r2 / sigma_px**2) / (2.0 * math.pi * sigma_px**2))
     c, s = math.cos(math.radians(deg)), math.sin(math.radians(deg))
