@@ -72,7 +72,8 @@ def catalogue_fluxes(
     if known is None:
         return None
     found = None
-    for places_px, numbers in (_listed(field, known), _unlisted(field, known[0])):
+    for stars_of in (_listed, _unlisted):
+        places_px, numbers = stars_of(field, known)
         if len(numbers):
             found = _measured(field, background, image, known, places_px, numbers) or found
         if found is not None and len(found.vt_mag) >= MIN_STARS:
@@ -90,9 +91,9 @@ def _listed(field: SolvedField, known: tuple[FloatArray, Stars]) -> tuple[FloatA
     return mine_px[mine[order]], theirs[order]
 
 
-def _unlisted(field: SolvedField, known_px: FloatArray) -> tuple[FloatArray, np.ndarray]:
+def _unlisted(field: SolvedField, known: tuple[FloatArray, Stars]) -> tuple[FloatArray, np.ndarray]:
     """Catalogue places in the frame without a listed star, and their numbers, brightest first."""
-    listed_px = star_positions_px(field.stars)
+    known_px, listed_px = known[0], star_positions_px(field.stars)
     size_px = np.array([field.frame.width_px, field.frame.height_px])
     is_inside = ((known_px > 0.0) & (known_px < size_px - 1.0)).all(axis=1)
     reach_px = _UNLISTED_REACH_FWHM * field.stars.median_fwhm_px

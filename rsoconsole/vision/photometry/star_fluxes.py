@@ -15,7 +15,8 @@ _STAMP_FWHM, _MIN_STAMP_PX = 2.0, 3
 _SATURATED = 0.95
 _FIT_SNR = 30.0
 """SNR from which a star has a width and place of its own."""
-_FIT_STEPS = 3
+_FIT_STEPS = 2
+_MAX_FITTED = 30
 _MAX_MOVE_FWHM, _MAX_WIDER = 0.35, 1.6
 """Largest move of a star's place, in widths, and largest change of its width, as a factor."""
 _MODEL_ERROR = 0.03
@@ -76,8 +77,9 @@ def star_fluxes(
     widths = _Widths(change=0.0, scatter=0.0)
     if fits_shapes:
         with np.errstate(invalid="ignore"):
-            bright = (flux > _FIT_SNR * sigma) & ~is_saturated
-        widths = stars.fit_shapes(np.flatnonzero(bright), flux)
+            bright = np.flatnonzero((flux > _FIT_SNR * sigma) & ~is_saturated)
+        brightest = bright[np.argsort(-flux[bright])[:_MAX_FITTED]]
+        widths = stars.fit_shapes(brightest, flux)
         flux, sigma = stars.solve()
     return StarFluxes(
         flux_adu=flux,
@@ -101,10 +103,10 @@ class _Widths:
     def of(cls, change: FloatArray, sigma: FloatArray) -> "_Widths":
         """Likeliest scatter and error for fitted changes of width and their sigmas by noise."""
         best, best_score = cls(0.0, 0.0), -math.inf
+        order = np.argsort(change)
         for scatter in _WIDTH_SCATTERS:
             for factor in _NOISE_FACTORS:
                 spread = np.hypot(scatter, factor * sigma)
-                order = np.argsort(change)
                 share = np.cumsum(1.0 / spread[order])
                 middle = float(change[order][np.searchsorted(share, 0.5 * share[-1])])
                 off = np.minimum(np.abs(change - middle) / spread, _MAX_WIDTH_SIGMAS)
