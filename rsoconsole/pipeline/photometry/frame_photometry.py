@@ -43,7 +43,7 @@ from rsoconsole.vision import (
 log = logging.getLogger(__name__)
 
 LIMIT_SNR = 5.0
-_MAX_STREAKS = 12
+_MAX_STREAKS = 60
 _BEFORE_SNR = 3.0
 """SNR from which a light in the frame before is one."""
 _MIN_SNR = 1.0
