@@ -21,6 +21,8 @@ _INNER_SHARE = 0.35
 """Largest distance from the middle along a trail, by its length."""
 _REACH_PX = 12.0
 _STEP_PX = 0.25
+_CORE_PX = 3.0
+"""Largest distance from the axis of the light by which it is found, px."""
 _CORE_SHARE = 0.3
 """Least light, by that of the axis, of what the width is fitted to."""
 _MIN_CORE = 3
@@ -38,6 +40,8 @@ class TrailSection:
     """Light per pixel, by that within ``_REACH_PX`` of the axis."""
     fwhm_px: float
     """Full width at half maximum of the core, px."""
+    direction_deg: float
+    """Direction of the trails, x towards y, 0 to 180 deg: better known than by their moments."""
 
 
 def measure_trail_section(
@@ -50,7 +54,7 @@ def measure_trail_section(
     trail = stars.trail
     if trail is None:
         return None
-    strips: list[tuple[FloatArray, FloatArray]] = []
+    strips: list[_Strip] = []
     for n in np.flatnonzero(stars.snr > _MIN_SNR):
         place = float(stars.x_px[n]), float(stars.y_px[n])
         strip = _strip(pixels, sky, place, (trail.length_px, trail.angle_deg), saturation_adu)
@@ -60,8 +64,9 @@ def measure_trail_section(
             break
     if len(strips) < _MIN_TRAILS:
         return None
+    slope = float(np.median([strip.slope() for strip in strips]))
     edges = np.arange(0.0, _REACH_PX + _STEP_PX, _STEP_PX)
-    sections = np.array([_binned(*strip, edges) for strip in strips])
+    sections = np.array([strip.section(slope, edges) for strip in strips])
     is_known = np.isfinite(sections).any(axis=0)
     middle = (0.5 * (edges[1:] + edges[:-1]))[is_known]
     light = np.nanmedian(sections[:, is_known], axis=0)
@@ -69,11 +74,48 @@ def measure_trail_section(
     core = light > _CORE_SHARE * light[0]
     if np.count_nonzero(core) < _MIN_CORE or not (light[core] > 0.0).all():
         return None
-    slope = float(np.polyfit(middle[core] ** 2, np.log(light[core]), 1)[0])
-    if slope >= 0.0:
+    fall = -float(np.polyfit(middle[core] ** 2, np.log(light[core]), 1)[0])
+    if fall <= 0.0:
         return None
-    fwhm = max(FWHM_PER_SIGMA * math.sqrt(-0.5 / slope), _MIN_FWHM_PX)
-    return TrailSection(distance_px=middle, light=light, fwhm_px=fwhm)
+    return TrailSection(
+        distance_px=middle,
+        light=light,
+        fwhm_px=max(FWHM_PER_SIGMA * math.sqrt(0.5 / fall), _MIN_FWHM_PX),
+        direction_deg=(trail.angle_deg + math.degrees(math.atan(slope))) % 180.0,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Strip:
+    """Pixels about one trail's inner part; arrays (n,)."""
+
+    along: FloatArray
+    """Distance from the middle along the trail, px."""
+    across: FloatArray
+    light: FloatArray
+    """Light above the sky."""
+
+    def slope(self) -> float:
+        """Change of the middle of the light across with the distance along."""
+        core = np.abs(self.across) < _CORE_PX
+        weight, u, v = np.maximum(self.light[core], 0.0), self.along[core], self.across[core]
+        design = np.stack([np.ones(u.size), u])
+        fitted = np.linalg.lstsq(design @ (weight * design).T, design @ (weight * v), rcond=None)
+        return float(fitted[0][1])
+
+    def section(self, slope: float, edges: FloatArray) -> FloatArray:
+        """Median light in bins of the distance from the axis; NaN in empty ones."""
+        v = self.across - slope * self.along
+        weight = np.where(np.abs(v) < _CORE_PX, np.maximum(self.light, 0.0), 0.0)
+        total = float(weight.sum())
+        number = np.digitize(np.abs(v - float(weight @ v) / total), edges) - 1
+        order = np.argsort(number, kind="stable")
+        first = np.searchsorted(number[order], np.arange(edges.size))
+        out = np.full(edges.size - 1, np.nan)
+        for k in range(edges.size - 1):
+            if first[k + 1] > first[k]:
+                out[k] = float(np.median(self.light[order[first[k] : first[k + 1]]])) / total
+        return out
 
 
 def _strip(
@@ -82,8 +124,8 @@ def _strip(
     place_px: tuple[float, float],
     line: tuple[float, float],
     saturation_adu: float,
-) -> tuple[FloatArray, FloatArray] | None:
-    """Distance from the axis and light above the sky of the pixels about one trail's inner part.
+) -> _Strip | None:
+    """Pixels about one trail's inner part.
 
     ``line``: length, px, and direction, deg. None where the frame or saturation cuts it.
     """
@@ -106,21 +148,6 @@ def _strip(
     if float(light.max()) > _SATURATED_SHARE * saturation_adu:
         return None
     light -= sky.at(sky.level, x, y)
-    core = np.abs(v) < 0.25 * _REACH_PX
-    total = float(np.maximum(light[core], 0.0).sum())
-    if total <= 0.0:
+    if float(np.maximum(light[np.abs(v) < _CORE_PX], 0.0).sum()) <= 0.0:
         return None
-    centre = float((np.maximum(light[core], 0.0) * v[core]).sum()) / total
-    return np.asarray(np.abs(v - centre)), light / total
-
-
-def _binned(v_px: FloatArray, light: FloatArray, edges: FloatArray) -> FloatArray:
-    """Median of the light in bins of the distance; NaN in empty ones."""
-    number = np.digitize(v_px, edges) - 1
-    out = np.full(edges.size - 1, np.nan)
-    order = np.argsort(number, kind="stable")
-    first = np.searchsorted(number[order], np.arange(edges.size))
-    for k in range(edges.size - 1):
-        if first[k + 1] > first[k]:
-            out[k] = float(np.median(light[order[first[k] : first[k + 1]]]))
-    return out
+    return _Strip(along[near], v, light)

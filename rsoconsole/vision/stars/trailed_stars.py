@@ -134,12 +134,13 @@ def _long_trails(boxes: _Boxes, x0_px: IndexArray, y0_px: IndexArray, side: int)
         trail=trail,
     )
     section = measure_trail_section(pixels, sky, stars, boxes.saturation_adu)
-    fwhm_px = trail.fwhm_px if section is None else section.fwhm_px
+    if section is None:
+        return stars
     return replace(
         stars,
-        fwhm_px=np.full(len(stars), fwhm_px),
-        median_fwhm_px=fwhm_px,
-        trail=replace(trail, fwhm_px=fwhm_px),
+        fwhm_px=np.full(len(stars), section.fwhm_px),
+        median_fwhm_px=section.fwhm_px,
+        trail=replace(trail, fwhm_px=section.fwhm_px, angle_deg=section.direction_deg),
     )
 
 
