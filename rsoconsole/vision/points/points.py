@@ -53,7 +53,8 @@ class PointList:
     sigma_px: FloatArray
     """One sigma of the place along each axis, px."""
     is_trail_end: BoolArray
-    """Whether the ends of two trails that meet at the place may be all of it."""
+    """Whether ends of trails may be all of it: two that meet at the place, or one that comes from
+    beyond the frame."""
     is_shape_known: bool
     """Whether points are wide enough in this frame to be told from single bad pixels."""
     fwhm_px: float
@@ -138,6 +139,8 @@ def _noise_by_trails(left: TrailLight) -> tuple[FloatArray, FloatArray]:
     """
     trails = left.trails[::_EVERY, ::_EVERY].ravel()
     points = left.points[::_EVERY, ::_EVERY].ravel()
+    inside = points != 0.0
+    trails, points = trails[inside], points[inside]
     bin_of = np.digitize(trails, _LEVELS) - 1
     light, noise = [0.0], [1.0]
     for k in range(_LEVELS.size - 1):

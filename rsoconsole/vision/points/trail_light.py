@@ -23,7 +23,7 @@ _LENGTH_SHARE = 0.45
 _ALIKE_SIGMA, _UNLIKE_SIGMA = 1.5, 2.5
 """Differences of the windows by noise alone, and surely not; in sigma of the filtered sky."""
 _BAND_ROWS = 64
-_OUTSIDE = np.float32(-1e6)
+_OUTSIDE, _UNKNOWN = np.float32(-1e6), np.float32(-1e5)
 _MIN_TILT_PX = 0.02
 
 
@@ -32,11 +32,12 @@ class TrailLight:
     """A frame sheared so that trails lie along its rows, without them; arrays (rows, width)."""
 
     points: Float32Array
-    """Light that is left."""
+    """Light that is left; exactly 0 outside the frame."""
     trails: Float32Array
     """Light of the trails."""
     meeting: Float32Array
-    """Largest light that is left where two trails' ends meet here; 0 where none do."""
+    """Largest light that is left where two trails' ends meet here; 0 where none do. Infinite near
+    the frame's rim, where what lies beyond it may be a trail that ends here."""
     slope: float
     """Rows by which a trail climbs in each column."""
     first_row: float
@@ -88,11 +89,13 @@ def without_trails(
         before = _median_of_five([piece[:, reach - d : reach - d + width] for d in places])
         behind = _median_of_five([piece[:, reach + d : reach + d + width] for d in places])
         apart = np.abs(before - behind)
-        brighter = np.maximum(before, behind)
+        brighter, fainter = np.maximum(before, behind), np.minimum(before, behind)
         trails[band] = np.where(apart < _ALIKE_SIGMA, 0.5 * (before + behind), brighter)
         np.subtract(sheared[band], trails[band], out=points[band])
-        fainter = np.minimum(before, behind)
+        # Outside, and in corners that both windows reach beyond, nothing is known.
+        points[band][(brighter < _UNKNOWN) | (sheared[band] < _UNKNOWN)] = 0.0
         meeting[band] = np.where(apart > _UNLIKE_SIGMA, np.maximum(fainter, 0.0), 0.0)
+        meeting[band][fainter < _UNKNOWN] = np.inf
     return TrailLight(
         points=points,
         trails=trails,
@@ -121,6 +124,9 @@ def _sheared(light: Float32Array, slope: float) -> tuple[Float32Array, float]:
         flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
+    row = np.arange(rows, dtype=np.float32)[:, None] + np.float32(first_row)
+    y = row + np.float32(slope) * np.arange(width, dtype=np.float32)
+    sheared[(y < 0.0) | (y > height - 1)] = _OUTSIDE
     return sheared, first_row
 
 
