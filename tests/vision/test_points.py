@@ -53,6 +53,19 @@ def test_points_are_found_among_trails_of_any_direction(angle_deg):
     assert (found.snr[false] > 6.0).sum() <= 5
 
 
+def test_stars_of_long_trails_are_where_they_were_at_mid_exposure():
+    """A fainter neighbour on the same line does not shift them."""
+    rng = np.random.default_rng(21)
+    sky = TrailedSky(rng, angle_deg=20.0)
+    stars = find_stars(sky.frame(np.zeros((0, 3))))
+    assert stars.trail is not None
+    assert len(stars) > 12
+    places = sky.star_places
+    away = np.hypot(stars.x_px[:, None] - places[:, 0], stars.y_px[:, None] - places[:, 1])
+    assert np.median(away.min(axis=1)) < 0.3
+    assert np.mean(away.min(axis=1) < 1.0) > 0.8
+
+
 def test_errors_are_what_they_are_said_to_be():
     """Places and light of points without trails near them, over what their errors say."""
     rng = np.random.default_rng(5)

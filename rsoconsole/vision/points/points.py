@@ -21,7 +21,8 @@ from rsoconsole.vision.stars.star_list import StarList, StarTrail
 from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 from rsoconsole.vision.stars.trail_section import measure_trail_section
 
-MIN_SNR = 3.7
+MIN_SNR, SURE_SNR = 3.7, 5.0
+"""SNR of points that other frames may confirm, and of those that one frame makes likely."""
 MAX_POINTS = 2000
 _LEVELS = np.array([-1e9, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1e9])
 """Limits of trail light, sigma, between which the noise is measured."""
@@ -66,6 +67,10 @@ class PointList:
     def __len__(self) -> int:
         """Number of points."""
         return int(self.x_px.size)
+
+    def sure(self) -> IndexArray:
+        """Return the numbers of the points that one frame alone makes likely."""
+        return np.flatnonzero(self.snr >= SURE_SNR)
 
 
 def find_points(

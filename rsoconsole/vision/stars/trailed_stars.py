@@ -17,6 +17,7 @@ from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.bins import mirrored_indices
 from rsoconsole.vision.stars.star_list import OblongLights, StarList, StarTrail
+from rsoconsole.vision.stars.trail_places import place_along_trails
 from rsoconsole.vision.stars.trail_section import measure_trail_section
 
 MAX_OBLONG = 60
@@ -136,11 +137,15 @@ def _long_trails(boxes: _Boxes, x0_px: IndexArray, y0_px: IndexArray, side: int)
     section = measure_trail_section(pixels, sky, stars, boxes.saturation_adu)
     if section is None:
         return stars
-    return replace(
-        stars,
-        fwhm_px=np.full(len(stars), section.fwhm_px),
-        median_fwhm_px=section.fwhm_px,
-        trail=replace(trail, fwhm_px=section.fwhm_px, angle_deg=section.direction_deg),
+    trail = replace(trail, fwhm_px=section.fwhm_px, angle_deg=section.direction_deg)
+    return place_along_trails(
+        pixels,
+        replace(
+            stars,
+            fwhm_px=np.full(len(stars), section.fwhm_px),
+            median_fwhm_px=section.fwhm_px,
+            trail=trail,
+        ),
     )
 
 
