@@ -1,7 +1,8 @@
-"""Places of trails along their own direction, where a fainter neighbour has shifted their middle.
+"""Places of trails, where a fainter neighbour has shifted the middle of their light.
 
 The light along a trail is a plateau as long as every other one; where it fits best is found by
-least squares, to which what a neighbour adds beyond one end matters little.
+least squares, to which what a neighbour adds beyond one end matters little. Across, the light is
+weighed by a Gaussian that moves onto it.
 """
 
 import math
@@ -11,15 +12,17 @@ import numpy as np
 
 from rsoconsole.records import FloatArray, PixelArray
 from rsoconsole.vision.stars.star_list import StarList
+from rsoconsole.vision.stars.star_moments import FWHM_PER_SIGMA
 
 _MAX_SHIFT_PX = 8.0
 _STEP_PX = 0.25
+_INNER_SHARE, _ROUNDS = 0.8, 4
 _HALF_WIDTH = 0.6
 """Half the width of the strip whose light is taken, by that of a star."""
 
 
 def place_along_trails(pixels: PixelArray, stars: StarList) -> StarList:
-    """Return the stars with their places moved along the trail; those at the rim stay."""
+    """Return the stars with their places moved onto their trails; those at the rim stay."""
     trail = stars.trail
     if trail is None:
         return stars
@@ -35,6 +38,9 @@ def place_along_trails(pixels: PixelArray, stars: StarList) -> StarList:
     v = np.linspace(-reach, reach, 5)[:, None]
     x_px, y_px = stars.x_px.copy(), stars.y_px.copy()
     for n in range(len(stars)):
+        aside = _across(pixels, (x_px[n], y_px[n]), (c, s), (half, trail.fwhm_px))
+        x_px[n] -= s * aside
+        y_px[n] += c * aside
         light = _along(pixels, x_px[n] + c * u - s * v, y_px[n] + s * u + c * v)
         if light is None:
             continue
@@ -47,6 +53,31 @@ def place_along_trails(pixels: PixelArray, stars: StarList) -> StarList:
             x_px[n] += c * shift
             y_px[n] += s * shift
     return replace(stars, x_px=x_px, y_px=y_px)
+
+
+def _across(
+    pixels: PixelArray,
+    place_px: tuple[float, float],
+    direction: tuple[float, float],
+    size_px: tuple[float, float],
+) -> float:
+    """How far a trail's axis is from a place, px; 0 where the frame cuts it.
+
+    ``direction``: cosine and sine; ``size_px``: half the length, and the width of a star.
+    """
+    (x, y), (c, s), (half, fwhm) = place_px, direction, size_px
+    v = np.arange(-2.0 * fwhm, 2.0 * fwhm + 0.25, 0.5)
+    u = np.arange(-_INNER_SHARE * half, _INNER_SHARE * half + 1.0, 2.0)[:, None]
+    section = _along(pixels, x + c * u - s * v, y + s * u + c * v)
+    if section is None:
+        return 0.0
+    section = section - np.percentile(section, 10.0)
+    aside, sigma = 0.0, fwhm / FWHM_PER_SIGMA
+    for _ in range(_ROUNDS):
+        weight = section * np.exp(-0.5 * ((v - aside) / sigma) ** 2)
+        # Twice: the window holds the light back by half.
+        aside += 2.0 * float(weight @ (v - aside)) / max(float(weight.sum()), 1e-9)
+    return aside if abs(aside) < fwhm else 0.0
 
 
 def _along(pixels: PixelArray, x_px: FloatArray, y_px: FloatArray) -> FloatArray | None:
