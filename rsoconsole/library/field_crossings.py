@@ -24,7 +24,9 @@ from rsoconsole.pipeline import (
     RoundField,
     catalogue_errors,
     field_crossings,
+    predicted_magnitude,
 )
+from rsoconsole.session import element_ledger_path, read_element_ledger
 from rsoconsole.words import NS_PER_S
 
 if TYPE_CHECKING:
@@ -60,7 +62,10 @@ def crossings(
     ``motion``: position angle of its motion, from north through east; ``rate``: its angular rate.
     ``altitude``: above the horizon, without refraction. ``range``: from the site; ``height``: above
     the equator's radius.
-    ``is_sunlit``: True where the Sun shines on it.
+    ``is_sunlit``: True where the Sun shines on it; ``phase``: angle there between Sun and site.
+    ``mag``: magnitude (V) as a diffuse sphere, above the air, of objects whose brightness was
+    measured on your own nights (``rsoconsole calibrate-elements``); NaN of others and in the
+    Earth's shadow. ``mag_sigma``: its one sigma, by the scatter of those measurements.
     ``elements_age``: negative where the elements are newer. ``sigma``: one sigma of the times by
     that age, without a manoeuvre.
 
@@ -69,7 +74,7 @@ def crossings(
     that has one in a part of the time only.
 
     Raises OrbitError for element sets that cannot be read or are missing, InputError for a value
-    out of range.
+    out of range, SessionError for a ledger of brightness that a later version has written.
 
     >>> rso.crossings(SkyCoord(313.7, -4.8, unit="deg"), 1.5, start=Time.now(), duration=8)
     """
@@ -140,6 +145,11 @@ def crossings(
     ):
         table[name] = np.array(values, float) * unit
     table["is_sunlit"] = np.array([each.is_lit for each in found], bool)
+    table["phase"] = np.array([each.phase_deg for each in found], float) * units.deg
+    standard = read_element_ledger(element_ledger_path()).standard_magnitudes()
+    mags = [predicted_magnitude(each, standard) or (np.nan, np.nan) for each in found]
+    table["mag"] = np.array([mag for mag, _ in mags], float) * units.mag
+    table["mag_sigma"] = np.array([sigma for _, sigma in mags], float) * units.mag
     table["elements_age"] = np.array([each.tle_age_days for each in found], float) * units.day
     table["sigma"] = np.array([each.sigma_s for each in found], float) * units.s
     return table

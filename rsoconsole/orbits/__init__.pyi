@@ -1,5 +1,8 @@
+from .brightness import StandardMagnitude as StandardMagnitude
+from .brightness import apparent_magnitude as apparent_magnitude
 from .brightness import magnitude_at_range as magnitude_at_range
 from .brightness import reduced_magnitude as reduced_magnitude
+from .brightness import standard_magnitude as standard_magnitude
 from .determination.from_directions import MIN_SIGHTINGS as MIN_SIGHTINGS
 from .determination.from_directions import Orbit as Orbit
 from .determination.from_directions import determine_orbit as determine_orbit

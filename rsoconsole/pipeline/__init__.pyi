@@ -180,6 +180,7 @@ from .visibility.passes import NightPass as NightPass
 from .visibility.passes import VisibleSatellite as VisibleSatellite
 from .visibility.passes import night_passes as night_passes
 from .visibility.passes import visible_satellites as visible_satellites
+from .visibility.predicted_magnitudes import predicted_magnitude as predicted_magnitude
 from .words.directions import ParsedDirection as ParsedDirection
 from .words.directions import TargetNames as TargetNames
 from .words.directions import parse_direction as parse_direction

@@ -58,6 +58,7 @@ from .lines.line_images import LINE_FIGURES as LINE_FIGURES
 from .lines.line_images import LINE_IMAGE_SHAPE as LINE_IMAGE_SHAPE
 from .lines.segments import Box as Box
 from .lines.segments import Ends as Ends
+from .photometry.star_fluxes import drawn_out_share as drawn_out_share
 from .photometry.star_fluxes import star_fluxes as star_fluxes
 from .photometry.star_image import StarImage as StarImage
 from .photometry.star_image import fit_star_image as fit_star_image

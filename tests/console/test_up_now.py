@@ -3,6 +3,7 @@
 import asyncio
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +18,11 @@ from rsoconsole.console.panes.panes import LinesPane
 from rsoconsole.control import Outcome
 from rsoconsole.orbits import parse_element_sets
 from rsoconsole.pipeline import visible_satellites
+from rsoconsole.session import element_ledger_path, replace_session_rows
 from rsoconsole.sky import iso_to_utc_ns
+from tests.orbits.test_element_fit import row
 from tests.rigs.seat_rig import PREVIEW, FakeWire, can_answer, play, until
+from tests.truth.lit_sphere import lambert_mag, sphere_by_skyfield
 
 NOW = iso_to_utc_ns("2023-06-22T05:30:00Z")
 LOW = """ISS (ZARYA)
@@ -114,6 +118,37 @@ def test_one_is_found_by_typing_and_gone_to_by_the_plan_of_every_go_to(wire: Fak
         await can_answer(app, pilot)
         await pilot.press("enter")
         await until(pilot, lambda: "goto" in wire.verbs)
+
+    play(wire, scene)
+
+
+def test_one_whose_brightness_is_known_has_its_magnitude(
+    wire: FakeWire, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    from rsoconsole.pipeline import read_catalogue
+    from rsoconsole.simulator import elements_path
+
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    light = {"standard_mag": 4.6, "standard_mag_sigma": 0.2}
+    kept = dataclasses.replace(row(36097, 1.0), **light)
+    replace_session_rows([], [kept], element_ledger_path())
+    wire.status["now_utc_ns"] = NOW
+    entries = read_catalogue([elements_path()]).entries
+    (entry,) = (each for each in entries if each.norad_id == 36097)
+    seen = sphere_by_skyfield(entry.record, SITE, NOW)
+    truth = lambert_mag(4.6, seen.range_km[0], seen.phase_deg[0])
+
+    async def scene(app: ConsoleApp, pilot: Pilot[str]) -> None:
+        config = Config.model_validate({"catalogue": {"tle_files": [elements_path()]}})
+        app.live.night = dataclasses.replace(app.live.night, config=config)
+        await pilot.press("5")
+        await until(pilot, lambda: isinstance(app.screen, VisibleSatellitesDialog))
+        rows = app.screen.query_one("#rows", LinesPane)
+        await until(pilot, lambda: "INTELSAT 14" in rows.text)
+        lines = [line for line in rows.text.splitlines() if "mag" in line]
+        assert len(lines) == 1
+        assert "36097" in lines[0]
+        assert float(lines[0].split("mag")[1].split()[0]) == pytest.approx(truth, abs=0.06)
 
     play(wire, scene)
 

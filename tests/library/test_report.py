@@ -161,9 +161,10 @@ def test_every_picture_says_in_words_what_it_shows(sample: Page):
     assert len(sample.of("alt", "img")) == sample.tags["img"] == 36
     assert all(alt.startswith("Exposure ") for alt in sample.of("alt", "img"))
     assert sample.of("aria-labelledby", "svg") == [
-        f"figure-{name}" for name in ("confidence", "track", "about_line", "residuals", "nis")
+        f"figure-{name}"
+        for name in ("confidence", "track", "about_line", "residuals", "nis", "lightcurve")
     ]
-    assert sample.of("role", "svg") == ["img"] * 5
+    assert sample.of("role", "svg") == ["img"] * 6
     assert sample.of("lang", "html") == ["en"]
     assert {"scope"} <= {name for tag, name, _ in sample.attributes if tag == "th"}
 

@@ -2,9 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from rsoconsole.orbits import magnitude_at_range, reduced_magnitude
+from rsoconsole.orbits import (
+    apparent_magnitude,
+    magnitude_at_range,
+    reduced_magnitude,
+    standard_magnitude,
+)
 from rsoconsole.orbits.brightness import lambert_phase_function
 
 CASES = [
@@ -36,3 +42,22 @@ def test_the_sphere_is_brightest_full_and_dark_from_behind():
     assert light[-1] == 0.0
     assert reduced_magnitude(10.0, 1000.0, 180.0) is None
     assert reduced_magnitude(10.0, 1000.0, 179.0) is not None
+
+
+@pytest.mark.parametrize(("mag", "range_km", "phase_deg", "reduced", "_"), CASES)
+def test_an_apparent_magnitude_is_back_from_the_reduced_one(mag, range_km, phase_deg, reduced, _):
+    assert apparent_magnitude(reduced, range_km, phase_deg) == pytest.approx(mag, abs=1e-3)
+    assert apparent_magnitude(reduced, range_km, 180.0) is None
+
+
+def test_a_standard_magnitude_is_a_median_whose_sigma_is_no_chance():
+    assert standard_magnitude([], []) is None
+    agreeing = standard_magnitude([5.0, 5.001], [0.1, 0.1])
+    assert agreeing is not None
+    assert agreeing.sigma_mag == 0.1
+    drawn = np.random.default_rng(3).normal(7.0, 0.4, 2000)
+    drawn[:200] = 2.0
+    found = standard_magnitude(list(drawn), [0.05] * len(drawn))
+    assert found is not None
+    assert found.mag == pytest.approx(7.0, abs=0.1)
+    assert found.sigma_mag == pytest.approx(0.4, rel=0.25)

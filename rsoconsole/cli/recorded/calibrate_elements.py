@@ -51,6 +51,10 @@ def calibrate_elements(
     manoeuvre is not changed. Few tracks change the factors little; many tracks
     of one object count as few.
 
+    A track whose brightness is on record also gives its object's magnitude at
+    1000 km and a phase angle of 90 deg, by which 'passes' and 'crossings'
+    predict how bright it will be.
+
     With --write the factors go into catalogue.error_factors of the
     configuration and hold for later identifications; recorded sessions keep
     theirs. A wrong clock looks like wrong elements: run 'calibrate-time' first.

@@ -28,6 +28,8 @@ def ledger(
     their name (UCT 7). Not added are tracks of fewer than 5 directions, ambiguous ones
     and those that were compared with no catalogue. Tracks of a simulated night
     are added by 'identify --keep' alone, to a ledger of its own (--simulated).
+    Listed with the orbit is the magnitude (V) at 1000 km and a phase angle of
+    90 deg, as of a diffuse sphere: the median of the track's, by its orbit.
 
     Example: rsoconsole ledger
     """

@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rsoconsole.cli.telescope.passes import emit_not_used, night_span_asked, report_lost
+from rsoconsole.cli.telescope.passes import (
+    emit_not_used,
+    magnitude_cells,
+    magnitude_report,
+    night_span_asked,
+    predicted_magnitudes,
+    report_lost,
+)
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, read_element_sets
@@ -19,10 +26,13 @@ if TYPE_CHECKING:
     from rsoconsole.pipeline import FieldCrossing, LostObject, RoundField
 
 _NAME_COLUMNS = 19
-HEADER = (
-    f"{'in, UTC':11}  {'out':8}  {'alt':>3}  {'off':>5}  {'to':>4}  {'″/s':>6}"
-    f"  {'km up':>6}  {'±s':>5}  name"
-)
+
+
+def _header(mag: str) -> str:
+    return (
+        f"{'in, UTC':11}  {'out':8}  {'alt':>3}  {'off':>5}  {'to':>4}  {'″/s':>6}"
+        f"  {'km up':>6}  {'±s':>5}{mag}  name"
+    )
 
 
 def crossings(
@@ -55,7 +65,9 @@ def crossings(
 
     Listed: when it comes in and goes out; altitude, distance from the centre (off, degrees),
     direction of motion (to, from north through east) and rate where it is nearest to the centre;
-    its height over the Earth.
+    its height over the Earth. Objects whose brightness was measured on your own nights
+    (calibrate-elements) have the magnitude (V) that they will have there, as a diffuse
+    sphere, above the air; none in the Earth's shadow.
 
     Example: rsoconsole crossings --at 313.7 -4.8 --field 1.5 --tle active.tle
     """
@@ -75,9 +87,10 @@ def crossings(
         site=loaded.site.to_site(), ra_icrs_deg=ra_deg, dec_icrs_deg=dec_deg, diameter_deg=field
     )
     found, lost = _looked_for(sets.entries, of, span, catalogue_errors(loaded.catalogue))
+    mags = predicted_magnitudes(found)
     if json_:
-        for each in found:
-            output.emit_json(crossing_report(each))
+        for each, mag in zip(found, mags, strict=True):
+            output.emit_json(crossing_report(each, mag))
         emit_not_used(sets, lost)
         return
     begins, ends = (utc_text(span[0], "dated minute", ""), utc_text(span[1], "dated minute"))
@@ -87,7 +100,8 @@ def crossings(
         return
     is_any_dark = any(not each.is_lit for each in found)
     head = f"{len(found)} crossing{'s' * (len(found) > 1)} {words}" + "; * in shadow" * is_any_dark
-    output.say(head, HEADER, *map(_line, found))
+    cells, header = magnitude_cells(mags)
+    output.say(head, _header(header), *map(_line, found, cells))
 
 
 def _looked_for(
@@ -111,18 +125,19 @@ def _looked_for(
     return sorted(found, key=lambda each: each.enter.t_utc_ns), lost
 
 
-def _line(one: "FieldCrossing") -> str:
+def _line(one: "FieldCrossing", mag: str) -> str:
     enter, leave = (utc_ns_to_iso(each.t_utc_ns)[:19] for each in (one.enter, one.leave))
     name = f"{'' if one.is_lit else '*'}{one.norad_id} {one.name}"
     return (
         f"{enter[8:10]} {enter[11:]}  {leave[11:]}  {one.nearest.alt_deg:3.0f}"
         f"  {one.offset_deg:5.2f}  {one.motion_deg:3.0f}°  {one.rate_arcsec_s:6.1f}"
-        f"  {one.height_km:6.0f}  {one.sigma_s:5.1f}  {name[:_NAME_COLUMNS]}"
+        f"  {one.height_km:6.0f}  {one.sigma_s:5.1f}{mag}"
+        f"  {name[: _NAME_COLUMNS - len(mag)]}"
     )
 
 
-def crossing_report(one: "FieldCrossing") -> dict[str, object]:
-    """One crossing of a field as a JSON object."""
+def crossing_report(one: "FieldCrossing", mag: tuple[float, float] | None) -> dict[str, object]:
+    """One crossing of a field as a JSON object; ``mag``: predicted magnitude and its sigma."""
     points = {
         f"{name}_{key}": value
         for name, each in (("enter", one.enter), ("nearest", one.nearest), ("leave", one.leave))
@@ -146,4 +161,5 @@ def crossing_report(one: "FieldCrossing") -> dict[str, object]:
         "sunlit": one.is_lit,
         "tle_age_days": one.tle_age_days,
         "sigma_s": one.sigma_s,
+        **magnitude_report(one, mag),
     }

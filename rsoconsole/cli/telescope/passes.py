@@ -1,13 +1,13 @@
 """The verb passes: satellites in low orbits over the site tonight."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rsoconsole.base import OrbitError
+from rsoconsole.base import OrbitError, SessionError
 from rsoconsole.cli.words import output
 from rsoconsole.cli.words.batch_options import progress_bar
 from rsoconsole.cli.words.options import ConfigOption, JsonOption, TleOption, read_element_sets
@@ -17,14 +17,19 @@ from rsoconsole.config import Config, load_config
 from rsoconsole.words import NS_PER_S, count_words, no_night_text, utc_ns_to_iso, utc_text
 
 if TYPE_CHECKING:
-    from rsoconsole.orbits import CatalogueEntry, ElementSets
-    from rsoconsole.pipeline import LostObject, NightPass
+    from rsoconsole.orbits import CatalogueEntry, ElementSets, StandardMagnitude
+    from rsoconsole.pipeline import FieldCrossing, LostObject, NightPass
 
 _NAME_COLUMNS = 19
-HEADER = (
-    f"{'rises, UTC':11}  {'az':>3}  {'top':8} {'alt':>3}  {'sets':8}  {'az':>3}"
-    f"  {'°/s':>5}  {'±s':>5}  name"
-)
+MAG_COLUMNS = 6
+"""Width of the column of magnitudes, which is there where one is known, at the names' cost."""
+
+
+def _header(mag: str) -> str:
+    return (
+        f"{'rises, UTC':11}  {'az':>3}  {'top':8} {'alt':>3}  {'sets':8}  {'az':>3}"
+        f"  {'°/s':>5}  {'±s':>5}{mag}  name"
+    )
 
 
 def passes(
@@ -57,6 +62,10 @@ def passes(
     elements' age). Element sets that cannot be used, and objects for which SGP4 has no place
     in the time asked for, are named on stderr; with --json in a last object.
 
+    Objects whose brightness was measured on your own nights (calibrate-elements) have the
+    magnitude (V) that they will have at the top of the pass, as a diffuse sphere, above the air;
+    none in the Earth's shadow.
+
     Example: rsoconsole passes --tle active.tle --top 45
     """
     loaded = load_config(config)
@@ -65,9 +74,10 @@ def passes(
     span = night_span_asked(loaded, at, hours, "--at")
     found, lost = _looked_for(sets.entries, loaded, span, is_low_only=not (every or norad))
     shown = [p for p in found if p.top.alt_deg >= top and (every or p.lit_from_utc_ns is not None)]
+    mags = predicted_magnitudes(shown)
     if json_:
-        for each in shown:
-            output.emit_json(pass_report(each))
+        for each, mag in zip(shown, mags, strict=True):
+            output.emit_json(pass_report(each, mag))
         emit_not_used(sets, lost)
         return
     start, end = (utc_text(span[0], "dated minute", ""), utc_text(span[1], "dated minute"))
@@ -77,7 +87,36 @@ def passes(
         return
     dark = any(each.lit_from_utc_ns is None for each in shown)
     head = f"{len(shown)} passes {words}" + "; * in shadow" * dark
-    output.say(head, HEADER, *map(_line, shown))
+    cells, header = magnitude_cells(mags)
+    output.say(head, _header(header), *map(_line, shown, cells))
+
+
+def predicted_magnitudes(
+    found: "Sequence[NightPass | FieldCrossing]",
+) -> list[tuple[float, float] | None]:
+    """Return the magnitude of each with its sigma, by the user's ledger; None where not known."""
+    from rsoconsole.pipeline import predicted_magnitude
+
+    standard = _standard_magnitudes() if found else {}
+    return [predicted_magnitude(each, standard) for each in found]
+
+
+def _standard_magnitudes() -> "Mapping[int, StandardMagnitude]":
+    """Those of the ledger; none, said on stderr, where it cannot be read."""
+    from rsoconsole.session import element_ledger_path, read_element_ledger
+
+    try:
+        return read_element_ledger(element_ledger_path()).standard_magnitudes()
+    except SessionError as error:
+        output.print_to_stderr(f"rsoconsole: without magnitudes: {error}")
+        return {}
+
+
+def magnitude_cells(mags: Sequence[tuple[float, float] | None]) -> tuple[list[str], str]:
+    """Return the cells of the column of magnitudes and its heading; all empty if none is known."""
+    width = MAG_COLUMNS if any(mags) else 0
+    cells = ["" if each is None else f"{each[0]:.1f}" for each in mags]
+    return [f"{each:>{width}}" for each in cells], f"{'mag':>{width}}" if width else ""
 
 
 def _element_sets(files: InputFiles, norad: Sequence[int]) -> "ElementSets":
@@ -185,19 +224,20 @@ def _left_out_words(found: "Sequence[NightPass]", top: float) -> str:
     return f"of {len(found)} passes {low} stay below --top {top:g}, {dark} are in shadow (--all)"
 
 
-def _line(one: "NightPass") -> str:
+def _line(one: "NightPass", mag: str) -> str:
     rise, top, sets = (utc_ns_to_iso(each.t_utc_ns)[:19] for each in (one.rise, one.top, one.set))
     # With --all some lie in the shadow of the Earth.
     name = f"{one.norad_id} {one.name}" if one.lit_from_utc_ns else f"*{one.norad_id} {one.name}"
     return (
         f"{rise[8:10]} {rise[11:]}  {one.rise.az_deg:3.0f}  {top[11:]} {one.top.alt_deg:3.0f}"
         f"  {sets[11:]}  {one.set.az_deg:3.0f}"
-        f"  {one.rate_arcsec_s / 3600.0:5.3f}  {one.sigma_s:5.1f}  {name[:_NAME_COLUMNS]}"
+        f"  {one.rate_arcsec_s / 3600.0:5.3f}  {one.sigma_s:5.1f}{mag}"
+        f"  {name[: _NAME_COLUMNS - len(mag)]}"
     )
 
 
-def pass_report(one: "NightPass") -> dict[str, Any]:
-    """One pass over the site as a JSON object."""
+def pass_report(one: "NightPass", mag: tuple[float, float] | None) -> dict[str, Any]:
+    """One pass over the site as a JSON object; ``mag``: predicted magnitude and its sigma."""
     corners = {
         f"{name}_{key}": value
         for name, each in (("rise", one.rise), ("top", one.top), ("set", one.set))
@@ -219,4 +259,13 @@ def pass_report(one: "NightPass") -> dict[str, Any]:
         "rate_arcsec_s": one.rate_arcsec_s,
         "tle_age_days": one.tle_age_days,
         "sigma_s": one.sigma_s,
+        **magnitude_report(one, mag),
     }
+
+
+def magnitude_report(
+    one: "NightPass | FieldCrossing", mag: tuple[float, float] | None
+) -> dict[str, float | None]:
+    """Phase angle and predicted magnitude, as a part of a JSON object."""
+    value, sigma = (None, None) if mag is None else mag
+    return {"phase_deg": one.phase_deg, "mag": value, "mag_sigma": sigma}

@@ -10,6 +10,7 @@ from rsoconsole.words import (
     direction,
     duration_words,
     element_age_words,
+    light_words,
     probability_words,
     signed_angle,
     streak_name_words,
@@ -54,12 +55,13 @@ def movers_lines(report: dict[str, Any], fewest: int) -> Iterator[str]:
             f"  mover {each['mover']}: in {len(each['places'])} frames,"
             f" {each['rate_arcsec_s']:.2f}″/s towards {each['position_angle_deg']:.1f} deg"
         )
-        yield f"{head}; {_identified_as(each)}"
+        yield f"{head}{_mag_words(each)}; {_identified_as(each)}"
         yield from _matches(each)
         for place in each["places"]:
             clock = place["t_utc"][11:23]
             where = direction(place["ra"], place["dec"], "bare")
-            yield f"    {clock}  {where}  ±{place['sigma_arcsec']:.1f}″  {place['frame']}"
+            error = f"±{place['sigma_arcsec']:.1f}″{_mag_words(place)}"
+            yield f"    {clock}  {where}  {error}  {place['frame']}"
 
 
 def _streak_lines(each: dict[str, Any]) -> Iterator[str]:
@@ -70,9 +72,17 @@ def _streak_lines(each: dict[str, Any]) -> Iterator[str]:
     about += ", below tau" if each["below_tau"] else ""
     yield (
         f"  streak {each['streak']} at ({each['x']:.0f}, {each['y']:.0f}),"
-        f" {each['length']:.0f} px{about}: {_identified_as(each)}"
+        f" {each['length']:.0f} px{_mag_words(each)}{about}: {_identified_as(each)}"
     )
     yield from _matches(each)
+
+
+def _mag_words(each: dict[str, Any]) -> str:
+    """Magnitude of a streak or point: ``, mag 12.84±.03 V``; empty where it has none."""
+    words = light_words(
+        each["mag"], each["mag_sigma"], each["band"], is_saturated=bool(each["is_saturated"])
+    )
+    return f", {words}" if words else ""
 
 
 def _identified_as(each: dict[str, Any]) -> str:

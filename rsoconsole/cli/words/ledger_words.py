@@ -7,8 +7,11 @@ from rsoconsole.cli.words import output
 from rsoconsole.session import LedgerObject
 from rsoconsole.words import direction, plus_minus, utc_text
 
-HEADER = f"{'':>4}  {'name':20} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}  {'i, deg':>6}"
-_NAME_WIDTH = 20
+_NAME_WIDTH = 16
+HEADER = (
+    f"{'':>4}  {'name':{_NAME_WIDTH}} {'tracks':>6}  {'last seen, UTC':16}  {'a, km':>16}"
+    f"  {'i, deg':>6}  {'mag':>5}"
+)
 
 
 def object_list_line(known: LedgerObject) -> str:
@@ -16,9 +19,11 @@ def object_list_line(known: LedgerObject) -> str:
     orbit = known.last.orbit
     size = "no orbit" if orbit is None else plus_minus(orbit.a_km, orbit.sigma_a_km)
     tilt = "" if orbit is None else f"{orbit.i_deg:.2f}"
+    light = "" if known.standard_mag is None else f"{known.standard_mag:.1f}"
     return (
-        f"{known.number:>4}  {known.called[:_NAME_WIDTH]:20} {len(known.tracks):>6} "
+        f"{known.number:>4}  {known.called[:_NAME_WIDTH]:{_NAME_WIDTH}} {len(known.tracks):>6} "
         f" {utc_text(known.last.t_last_utc_ns, 'dated minute', '')}  {size:>16}  {tilt:>6}"
+        f"  {light:>5}"
     ).rstrip()
 
 
@@ -40,6 +45,9 @@ def object_detail_lines(known: LedgerObject) -> Iterator[str]:
         yield f"  semi-major axis  {orbit.a_km:.1f} ± {orbit.sigma_a_km:.1f} km"
         yield f"  eccentricity     {orbit.e:.6f}"
         yield f"  inclination      {orbit.i_deg:.4f} deg"
+    if known.standard_mag is not None and known.standard_mag_sigma is not None:
+        light = f"{known.standard_mag:.2f} ± {known.standard_mag_sigma:.2f}"
+        yield f"  magnitude        {light} in V at 1000 km and a phase angle of 90 deg"
     yield "  tracks:"
     for each in known.tracks:
         yield (

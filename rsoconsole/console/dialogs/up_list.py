@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from textual.binding import Binding, BindingType
@@ -17,6 +17,7 @@ from rsoconsole.console.watches.messages import call_between_messages
 from rsoconsole.words import count_words, duration_words, utc_text
 
 if TYPE_CHECKING:
+    from rsoconsole.orbits import StandardMagnitude
     from rsoconsole.pipeline import VisibleSatellite
 
 log = logging.getLogger(__name__)
@@ -43,6 +44,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         super().__init__()
         self._config, self._now_utc_ns = config, now_utc_ns
         self._found: tuple[VisibleSatellite, ...] | None = None
+        self._standard: Mapping[int, StandardMagnitude] = {}
         self._t_utc_ns = 0
         self._limit_deg = 0.0
         self._not_used = 0
@@ -70,6 +72,7 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         self._limit_deg = limits.min_altitude_deg
         found: tuple[VisibleSatellite, ...] = ()
         fault = ""
+        self._standard = _standard_magnitudes()
         try:
             sets = read_catalogue(files)
             self._not_used = len(sets.not_used)
@@ -122,12 +125,30 @@ class VisibleSatellitesDialog(ListDialog[str | None, "VisibleSatellite"]):
         )
 
     def row_words(self, row: "VisibleSatellite", width: int) -> tuple[str, Ink]:  # noqa: ARG002
-        """Return a row: the satellite's name, direction, time left above the limit; and its ink."""
+        """Return a row: the satellite's name, direction, time left above the limit; and its ink.
+
+        With its predicted magnitude, where the user's nights know how bright it is.
+        """
+        from rsoconsole.pipeline import predicted_magnitude
+
+        mag = predicted_magnitude(row, self._standard)
+        light = "" if mag is None else f"mag {mag[0]:.1f}"
         left = "12 h +" if row.minutes_left is None else duration_words(row.minutes_left * 60.0)
         is_soon = row.minutes_left is not None and row.minutes_left < SOON_MIN
         text = (
             f"{row.name[:NAME_COLUMNS]:<{NAME_COLUMNS}}"
             f" {row.norad_id:>6}  alt {row.alt_deg:4.1f} az {row.az_deg:5.1f}"
-            f"  up {left:>6}  {'' if row.is_lit else 'in shadow'}"
+            f"  up {left:>6}  {light if row.is_lit else 'in shadow'}"
         )
         return text, "warn" if is_soon else "" if row.is_lit else "dim"
+
+
+def _standard_magnitudes() -> "Mapping[int, StandardMagnitude]":
+    """Return those of the user's ledger; none where it cannot be read."""
+    from rsoconsole.session import element_ledger_path, read_element_ledger
+
+    try:
+        return read_element_ledger(element_ledger_path()).standard_magnitudes()
+    except RsoconsoleError:
+        log.exception("how bright satellites are cannot be read")
+        return {}

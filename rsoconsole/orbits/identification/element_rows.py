@@ -53,6 +53,10 @@ class ElementErrorRow:
     """Change of ``across_km`` by a kilometre of error in the orbit: radial, along, across."""
     observations: int
     probability: float
+    standard_mag: float | None = None
+    """Median of the track's V magnitudes at 1000 km and 90 deg; None where they are too few."""
+    standard_mag_sigma: float | None = None
+    """Robust scatter of one of them."""
 
     @property
     def key(self) -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,22 @@ from rsoconsole.config import CatalogueConfig, MeasuredErrorFactors
 from rsoconsole.orbits import (
     ERROR_REGIMES,
     SURE_NAMED,
+    CatalogueComparison,
     CatalogueEntry,
     ElementErrorRow,
     ElementErrors,
     FittedFactors,
+    Identification,
     compare_with_catalogue,
     element_error_row,
     identify_compared_tracks,
 )
-from rsoconsole.pipeline.orbits.track_measurements import longest_arc, read_observed_tracks
+from rsoconsole.pipeline.orbits.standard_magnitudes import standard_magnitude_by_elements
+from rsoconsole.pipeline.orbits.track_measurements import (
+    ObservedTrack,
+    longest_arc,
+    read_observed_tracks,
+)
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import ARCSEC_RAD, iso_to_utc_ns
 from rsoconsole.words import NS_PER_DAY, NS_PER_S, utc_ns_to_iso
@@ -67,16 +74,26 @@ def rows_of_session(
     named = identify_compared_tracks(compared, gate_deg=GATE_DEG)
     first_utc_ns = min(int(each.seen.t_utc_ns[0]) for each in tracks)
     session = _called(folder.resolve().name, first_utc_ns)
-    found = (
-        element_error_row(session, str(track.number), *pair)
-        for track, pair in zip(tracks, zip(compared, named, strict=True), strict=True)
-    )
+    found = (_row_of_track(session, *three) for three in zip(tracks, compared, named, strict=True))
     return CalibrationRows(
         sessions=(session,),
         tracks=len(tracks),
         rows=tuple(each for each in found if each is not None),
         is_simulated=about.get("is_simulated") is True,
     )
+
+
+def _row_of_track(
+    session: str, track: ObservedTrack, compared: CatalogueComparison, found: Identification
+) -> ElementErrorRow | None:
+    row = element_error_row(session, str(track.number), compared, found)
+    if row is None:
+        return None
+    entry = next(each for each in compared.found.entries if each.norad_id == row.norad_id)
+    standard = standard_magnitude_by_elements(track.lights, entry, track.site)
+    if standard is None:
+        return row
+    return replace(row, standard_mag=standard.mag, standard_mag_sigma=standard.sigma_mag)
 
 
 def rows_of_identify_output(path: Path, *, is_simulated: bool) -> CalibrationRows:

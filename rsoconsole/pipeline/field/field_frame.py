@@ -21,13 +21,24 @@ from rsoconsole.orbits import (
     StreakLine,
     match_field,
 )
+from rsoconsole.pipeline.comparison.look_back import SolvedField
 from rsoconsole.pipeline.field.field_points import FramePoints, Mover, find_movers, frame_points
+from rsoconsole.pipeline.field.point_light import PointMagnitude, point_light
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.measurement import frame_timing, measure, mid_exposure_utc_ns
 from rsoconsole.pipeline.frame.plate import FixedPlateSource, PlateFinder
 from rsoconsole.pipeline.frame.reduce import FrameReducer
 from rsoconsole.pipeline.orbits.expected import catalogue_errors
-from rsoconsole.records import BelowTau, Detection, FloatArray, Frame, NotSolved, Solution
+from rsoconsole.pipeline.photometry.frame_photometry import FrameLight, photometry_of
+from rsoconsole.records import (
+    BelowTau,
+    Detection,
+    FloatArray,
+    Frame,
+    NotSolved,
+    Solution,
+    StreakLight,
+)
 from rsoconsole.sky import (
     ARCSEC_RAD,
     describe_field,
@@ -37,7 +48,7 @@ from rsoconsole.sky import (
     unit_to_direction,
     wcs_from_cards,
 )
-from rsoconsole.vision import ConfidenceCurve, Network, StarList, find_stars
+from rsoconsole.vision import ConfidenceCurve, Network, StarList, find_stars, local_background
 
 PlateMode = Literal["auto", "solve", "header"]
 _HEADER_RMS_PX = 0.5
@@ -64,6 +75,8 @@ class FieldFrame:
     lines: tuple[StreakLine, ...]
     points: FramePoints
     notes: tuple[str, ...]
+    lights: tuple[StreakLight | None, ...] = ()
+    """Brightness of each of ``detections``; None where it was not measured."""
 
     def contains(self, u: FloatArray) -> np.ndarray:
         """True, (...,), for each unit vector (..., 3) that points into the frame."""
@@ -72,6 +85,21 @@ class FieldFrame:
             return np.asarray(
                 (x >= -0.5) & (x <= self.width_px - 0.5) & (y >= -0.5) & (y <= self.height_px - 0.5)
             )
+
+    def point_magnitude(self, n: int, rate: FloatArray) -> PointMagnitude | None:
+        """Magnitude of point ``n``, which moves by ``rate`` (3,), unit vectors a second.
+
+        None where it was not measured.
+        """
+        points = self.points
+        if points.light is None:
+            return None
+        way = 0.5 * self.exposure_s * np.stack([-rate, rate])
+        u = points.u[n] + way
+        u /= np.linalg.norm(u, axis=1)[:, None]
+        x, y = sky_to_pixel(self.solution.wcs, *unit_to_direction(u))
+        way_px = float(x[1] - x[0]), float(y[1] - y[0])
+        return points.light.magnitude(n, (float(points.x_px[n]), float(points.y_px[n])), way_px)
 
     def field_of_view(self, config: Config) -> FieldOfView:
         """Return the field of view of the frame, in which catalogued objects are looked up."""
@@ -166,7 +194,8 @@ class FieldReader:
                 " crossed is found by start and exposure time alone"
             )
         even, _ = self._calibration.prepare(frame)
-        stars = find_stars(even.pixels, max_stars=1500, saturation_adu=even.saturation_adu)
+        sky = local_background(even.pixels)
+        stars = find_stars(even.pixels, sky, max_stars=1500, saturation_adu=even.saturation_adu)
         reduction = self._reducer.reduce(frame)
         solution = reduction.solution
         if solution is None:
@@ -179,6 +208,9 @@ class FieldReader:
             for each in reduction.detections.rejected
             if isinstance(each.reason, BelowTau) and each.detection.method == "line"
         )
+        points = frame_points(stars, solution, t_mid_utc_ns, frame, taken, self._config)
+        solved = SolvedField(frame=even, stars=stars, solution=solution)
+        places_px = np.stack([points.x_px, points.y_px], axis=1)
         strangers = max(_FAINT_STRANGERS, float(len(faint)))
         lines = [sky_line(each, solution, frame, self._config) for each in taken]
         lines += [
@@ -198,9 +230,22 @@ class FieldReader:
             detections=(*taken, *faint),
             taken=len(taken),
             lines=tuple(lines),
-            points=frame_points(stars, solution, t_mid_utc_ns, frame, taken, self._config),
+            points=replace(points, light=point_light(solved, sky, places_px)),
             notes=tuple(notes),
+            lights=_lights_of(reduction.light, solution, (*taken, *faint)),
         )
+
+
+def _lights_of(
+    light: FrameLight | None, solution: Solution, streaks: tuple[Detection, ...]
+) -> tuple[StreakLight | None, ...]:
+    """Brightness of a frame's streaks, in their order."""
+    if light is None or not streaks:
+        return (None,) * len(streaks)
+    named = tuple((str(n), each) for n, each in enumerate(streaks))
+    found = photometry_of(replace(light, streaks=named, solution=solution)).streaks
+    by_name = {each.measurement_id: each for each in found}
+    return tuple(by_name.get(name) for name, _ in named)
 
 
 @contextmanager
@@ -287,6 +332,8 @@ class FrameMatches:
     match: FieldMatch
     detections: tuple[Detection, ...]
     """Detections of ``match.lines``: the accepted ones, and those below tau that are identified."""
+    lights: tuple[StreakLight | None, ...]
+    """Brightness of each of them; None where it was not measured."""
     compared: int
     too_old: int
     without_place: tuple[CatalogueEntry, ...] = ()
@@ -343,6 +390,7 @@ class CatalogueMatcher:
             candidates=candidates,
             match=FieldMatch(lines=lines, taken=tuple(min(each, 1.0) for each in taken)),
             detections=tuple(frame.detections[n] for n in kept),
+            lights=tuple(frame.lights[n] if frame.lights else None for n in kept),
             compared=self._catalogue.compared_count,
             too_old=self._catalogue.too_old_count,
             without_place=self._catalogue.without_place,

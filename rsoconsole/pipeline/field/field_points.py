@@ -13,6 +13,7 @@ import numpy as np
 
 from rsoconsole.config import Config
 from rsoconsole.orbits import StreakLine
+from rsoconsole.pipeline.field.point_light import PointLight
 from rsoconsole.pipeline.frame.measurement import AIR_ARCSEC_ROOT_S, frame_timing
 from rsoconsole.records import Detection, FloatArray, Frame, Solution
 from rsoconsole.sky import ARCSEC_RAD, direction_to_unit, pixel_to_sky, unit_to_direction
@@ -57,6 +58,8 @@ class FramePoints:
     centre: FloatArray
     """Unit vector (3,) of the frame's centre."""
     area_arcsec2: float
+    light: PointLight | None = None
+    """Brightness of the points; None where it was not measured."""
 
     def __len__(self) -> int:
         return len(self.snr)

@@ -15,7 +15,8 @@ from rsoconsole.orbits import (
     orbit_regime,
 )
 from rsoconsole.pipeline.field.field_frame import TAKEN, FieldFrame, FrameMatches, MoverMatches
-from rsoconsole.pipeline.words.reports import detection_report
+from rsoconsole.pipeline.field.point_light import PointMagnitude, mean_magnitude
+from rsoconsole.pipeline.words.reports import detection_report, streak_light_report
 from rsoconsole.records import FloatArray
 from rsoconsole.sky import (
     ARCSEC_RAD,
@@ -56,11 +57,12 @@ def frame_report(name: str, answer: FrameMatches, movers: Mapping[int, int]) -> 
             "streak": number,
             "below_tau": number > frame.taken,
             **detection_report(detection),
+            **streak_light_report(light),
             **_place(frame, detection.x_px, detection.y_px),
             **_matched_report(matched, answer.candidates),
         }
-        for number, (detection, matched) in enumerate(
-            zip(answer.detections, answer.match.lines, strict=True), start=1
+        for number, (detection, light, matched) in enumerate(
+            zip(answer.detections, answer.lights, answer.match.lines, strict=True), start=1
         )
     ]
     return {
@@ -97,21 +99,44 @@ def movers_report(
     return {
         "frames": list(names),
         "movers": [
-            {
-                "mover": number,
-                "probability": each.mover.probability,
-                "rate_arcsec_s": each.mover.rate_arcsec_s,
-                "position_angle_deg": each.mover.position_angle_deg,
-                "t_mid_utc": utc_ns_to_iso(each.mover.t_mid_utc_ns),
-                "span_s": each.mover.span_s,
-                "places": [
-                    _point_report(names[frame], frames[frame], n) for frame, n in each.mover.points
-                ],
-                **_matched_report(each.matched, each.candidates),
-            }
+            _mover_report(number, names, frames, each)
             for number, each in enumerate(answers, start=1)
         ],
     }
+
+
+def _mover_report(
+    number: int, names: Sequence[str], frames: Sequence[FieldFrame], answer: MoverMatches
+) -> dict[str, Any]:
+    mover = answer.mover
+    rate = (mover.line.b - mover.line.a) / max(mover.span_s, 1e-9)
+    lights = [frames[frame].point_magnitude(n, rate) for frame, n in mover.points]
+    return {
+        "mover": number,
+        "probability": mover.probability,
+        "rate_arcsec_s": mover.rate_arcsec_s,
+        "position_angle_deg": mover.position_angle_deg,
+        "t_mid_utc": utc_ns_to_iso(mover.t_mid_utc_ns),
+        "span_s": mover.span_s,
+        **_light_report(mean_magnitude(lights)),
+        "places": [
+            {**_point_report(names[frame], frames[frame], n), **_light_report(light)}
+            for (frame, n), light in zip(mover.points, lights, strict=True)
+        ],
+        **_matched_report(answer.matched, answer.candidates),
+    }
+
+
+_OF_LIGHT = (
+    *("mag", "mag_sigma", "mag_sigma_colour", "band", "flux_adu", "flux_sigma_adu"),
+    "is_saturated",
+)
+"""Keys of a point's brightness, with the names of its own fields."""
+
+
+def _light_report(light: PointMagnitude | None) -> dict[str, Any]:
+    """Return the brightness of a point; every value None where it was not measured."""
+    return {key: getattr(light, key, None) for key in _OF_LIGHT}
 
 
 def mover_numbers_by_norad_id(answers: Sequence[MoverMatches]) -> dict[int, int]:

@@ -9,7 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rsoconsole.orbits import CatalogueEntry, object_places, orbit_from_record, predict
+from rsoconsole.orbits import (
+    CatalogueEntry,
+    KnownOrbit,
+    object_places,
+    orbit_from_record,
+    predict,
+)
 from rsoconsole.records import OrbitEstimate, Site
 from rsoconsole.sky import SkyPlaces, phase_angle_deg
 
@@ -32,10 +38,21 @@ def ranges_by_orbit(
     None for each instant where the orbit's label says that its distance is not determined, or where
     the object would have decayed.
     """
-    if orbit.label in WITHOUT_RANGE or not t_utc_ns:
+    if orbit.label in WITHOUT_RANGE:
         return (None,) * len(t_utc_ns)
-    instants = np.array(t_utc_ns, np.int64)
-    return _of_places(predict(orbit_from_record(orbit), site, instants).places)
+    return ranges_by_known_orbit(orbit_from_record(orbit), site, t_utc_ns)
+
+
+def ranges_by_known_orbit(
+    orbit: KnownOrbit, site: Site, t_utc_ns: Sequence[int]
+) -> tuple[RangeAndPhase | None, ...]:
+    """Return distance and phase at these instants by an orbit whose distance is determined.
+
+    None for each instant where the object would have decayed.
+    """
+    if not t_utc_ns:
+        return ()
+    return _of_places(predict(orbit, site, np.array(t_utc_ns, np.int64)).places)
 
 
 def ranges_by_elements(

@@ -1,10 +1,10 @@
 """Directions of one object, from a session's track or from a file of observations."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,14 @@ from rsoconsole.base import OrbitError, SessionError, parse_json, read_named_fil
 from rsoconsole.config import Config, LimitsConfig
 from rsoconsole.orbits import MeasuredDirections, merged_tracklets, reduce_directions
 from rsoconsole.pipeline.cycle.track_assignment import Track, TrackAssignment
-from rsoconsole.records import FrameTaken, Measurement, Site, TrackState
+from rsoconsole.records import (
+    FrameTaken,
+    Measurement,
+    Photometry,
+    Site,
+    StreakLight,
+    TrackState,
+)
 from rsoconsole.session import SessionReader
 from rsoconsole.sky import iso_to_utc_ns
 from rsoconsole.tracking import (
@@ -106,6 +113,15 @@ def directions_from_measurements(site: Site, taken: Sequence[Measurement]) -> Me
     )
 
 
+class TrackLight(NamedTuple):
+    """Apparent magnitude in V of one measurement of a track, not saturated."""
+
+    t_utc_ns: int
+    mag: float
+    sigma_mag: float
+    """One sigma by noise, zero point and the object's unknown colour."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObservedTrack:
     """Measured directions of one object, and the session or file that they come from."""
@@ -120,6 +136,8 @@ class ObservedTrack:
     number: int = 1
     track_id: int | None = None
     """Track id in the session's records; None for a file."""
+    lights: tuple[TrackLight, ...] = ()
+    """Magnitudes on record, in order of time; () for a file."""
     not_used: tuple[str, ...] = ()
     """Lines of the file, and of the list of stations, that gave no direction: place and why."""
 
@@ -153,7 +171,8 @@ def longest_arc(seen: MeasuredDirections) -> MeasuredDirections:
 def _read_session(folder: Path, track: int | None) -> tuple[ObservedTrack, ...]:
     reader = SessionReader(folder)
     config = reader.config()
-    tracks, exposures_s = _tracks(reader)
+    known = _tracks(reader)
+    tracks = known.tracks
     if not tracks:
         raise SessionError(
             f"{folder} holds no track: nothing was followed in it; name a session that has one"
@@ -161,25 +180,28 @@ def _read_session(folder: Path, track: int | None) -> tuple[ObservedTrack, ...]:
     if track is not None and not 1 <= track <= len(tracks):
         raise SessionError(f"{folder} has tracks 1 to {len(tracks)}, not {track}")
     found = [
-        _of_track(folder.resolve().name, config, (number, len(tracks)), each, exposures_s)
-        for number, each in enumerate(tracks, start=1)
+        _of_track(folder.resolve().name, config, number, known)
+        for number in range(1, len(tracks) + 1)
         if track in (None, number)
     ]
     return tuple(sorted(found, key=lambda each: -len(each.seen)))
 
 
-def _of_track(
-    name: str,
-    config: Config,
-    place: tuple[int, int],
-    track: Track,
-    exposures_s: Mapping[int, float],
-) -> ObservedTrack:
-    """``place``: number of the track, and how many there are."""
-    site, (number, count) = config.site.to_site(), place
+class _Tracks(NamedTuple):
+    """Tracks of a session, in order of time, and what is known of their frames."""
+
+    tracks: list[Track]
+    exposures_s: dict[int, float]
+    """Exposure time by frame number."""
+    lights: dict[str, StreakLight]
+    """Brightness by measurement id."""
+
+
+def _of_track(name: str, config: Config, number: int, known: _Tracks) -> ObservedTrack:
+    site, count, track = config.site.to_site(), len(known.tracks), known.tracks[number - 1]
     measured = tuple(track.measurements)
     taken = PartialStreakErrors().with_widened_covariances(
-        measured, measured, track.last, exposures_s
+        measured, measured, track.last, known.exposures_s
     )
     try:
         seen = directions_from_measurements(site, taken)
@@ -195,18 +217,34 @@ def _of_track(
         tracks=count,
         number=number,
         track_id=track.track_id,
+        lights=tuple(_lights(measured, known.lights)),
     )
 
 
-def _tracks(reader: SessionReader) -> tuple[list[Track], dict[int, float]]:
+def _lights(
+    measured: Sequence[Measurement], known: Mapping[str, StreakLight]
+) -> Iterator[TrackLight]:
+    """Yield the magnitudes in V of what is not saturated."""
+    for each in measured:
+        light = known.get(each.measurement_id)
+        if light is None or light.band != "V" or light.is_saturated:
+            continue
+        if light.mag is not None and light.sigma_mag is not None:
+            yield TrackLight(each.t_mid_utc_ns, light.mag, light.sigma_mag)
+
+
+def _tracks(reader: SessionReader) -> _Tracks:
     """Return the tracks with enough measurements, else all that have any, in order of time."""
-    taken, exposures_s = TrackAssignment(), dict[int, float]()
-    for _, _, record in reader.records(kinds=(FrameTaken, *TrackAssignment.KINDS)):
+    taken, exposures_s, lights = TrackAssignment(), dict[int, float](), dict[str, StreakLight]()
+    for _, _, record in reader.records(kinds=(FrameTaken, Photometry, *TrackAssignment.KINDS)):
         taken.receive(record)
         if isinstance(record, FrameTaken) and record.exposure_s is not None:
             exposures_s[record.frame_id] = record.exposure_s
+        elif isinstance(record, Photometry):
+            lights.update((each.measurement_id, each) for each in record.streaks)
     found = [each for each in taken.tracks() if each.measurements]
-    return [each for each in found if len(each.measurements) >= _FEWEST] or found, exposures_s
+    tracks = [each for each in found if len(each.measurements) >= _FEWEST] or found
+    return _Tracks(tracks, exposures_s, lights)
 
 
 def _read_file(path: Path, sigma_arcsec: float, elsewhere: Site | None) -> ObservedTrack:

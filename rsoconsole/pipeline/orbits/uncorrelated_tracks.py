@@ -24,6 +24,7 @@ from rsoconsole.orbits import (
     reduce_directions,
 )
 from rsoconsole.pipeline.orbits.orbit_determination import orbit_record_fields
+from rsoconsole.pipeline.orbits.standard_magnitudes import standard_magnitude_by_orbit
 from rsoconsole.pipeline.orbits.track_measurements import (
     ObservedTrack,
     longest_arc,
@@ -167,8 +168,10 @@ def keep_tracks(
             number = track_kept.number
             before = [known for known in ledger.objects if known.number == number]
             track = _ledger_track(folder, each, arc, is_simulated=is_simulated)
-            known = _ledger_orbit(arc, orbit, before[0] if before else None, session)
-            found.append(keep_change(number, replace(track, orbit=known)))
+            best = _best_orbit(arc, orbit, before[0] if before else None, session)
+            if best is not None:
+                track = _with_orbit(track, each, *best)
+            found.append(keep_change(number, track))
         return found
 
     if not ready and not named:
@@ -294,10 +297,28 @@ def _ledger_track(
     )
 
 
-def _ledger_orbit(
+def _with_orbit(
+    track: LedgerTrack, observed: ObservedTrack, orbit: Orbit, nights: int
+) -> LedgerTrack:
+    """Add an orbit, with the number of tracks in it, and the magnitude that its distance gives."""
+    first, last = track.t_first_utc_ns, track.t_last_utc_ns
+    lights = [each for each in observed.lights if first <= each.t_utc_ns <= last]
+    standard = standard_magnitude_by_orbit(lights, orbit, observed.site)
+    return replace(
+        track,
+        orbit=LedgerOrbit(**orbit_record_fields(orbit), nights=nights),
+        standard_mag=None if standard is None else standard.mag,
+        standard_mag_sigma=None if standard is None else standard.sigma_mag,
+    )
+
+
+def _best_orbit(
     arc: MeasuredDirections, orbit: Orbit | None, before: LedgerObject | None, session: str
-) -> LedgerOrbit | None:
-    """Orbit through the object's latest tracks where one fits them all, else the track's own."""
+) -> tuple[Orbit, int] | None:
+    """Orbit through the object's latest tracks where one fits them all, else the track's own.
+
+    With the number of tracks that it is fitted to.
+    """
     earlier = [] if before is None else [t for t in before.tracks if t.session != session]
     if earlier and orbit is not None:
         parts = [_sightings_of(each) for each in earlier[-_TOGETHER:]]
@@ -305,8 +326,8 @@ def _ledger_orbit(
         joined, common = _determined(whole), min(common_error_arcsec(whole), _MAX_COMMON_ARCSEC)
         most = math.hypot(_SAME_RMS * orbit.rms_arcsec, common)
         if joined is not None and joined.rms_arcsec <= most:
-            return LedgerOrbit(**orbit_record_fields(joined), nights=1 + len(parts))
-    return None if orbit is None else LedgerOrbit(**orbit_record_fields(orbit))
+            return joined, 1 + len(parts)
+    return None if orbit is None else (orbit, 1)
 
 
 def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:

@@ -10,20 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsoconsole.base import RsoconsoleError
-from rsoconsole.pipeline.comparison.fixed_light import catalogue_stars
 from rsoconsole.pipeline.comparison.look_back import (
     SolvedField,
     star_positions_px,
     streak_ends_px,
     to_other_frame_px,
 )
-from rsoconsole.pipeline.photometry.zero_point import (
-    MAX_STARS,
-    ZeroPoint,
-    ZeroPointStars,
-    fit_zero_point,
-)
+from rsoconsole.pipeline.photometry.catalogue_fluxes import MAG_PER_LN, catalogue_fluxes
+from rsoconsole.pipeline.photometry.zero_point import ZeroPoint
 from rsoconsole.records import (
     Detection,
     Detections,
@@ -42,25 +36,18 @@ from rsoconsole.vision import (
     StarList,
     StreakFlux,
     fit_star_image,
-    match_stars,
     star_fluxes,
     streak_flux,
 )
 
 log = logging.getLogger(__name__)
 
-MAG_PER_LN = 2.5 / math.log(10.0)
 LIMIT_SNR = 5.0
-_MAX_CATALOGUE = 1200
-_BRIGHTEST = 250
-_MAX_STREAKS = 12
-_NEIGHBOURS_FWHM = 6.0
+_MAX_STREAKS = 60
 _BEFORE_SNR = 3.0
 """SNR from which a light in the frame before is one."""
 _MIN_SNR = 1.0
 """SNR of a streak's light from which it has a magnitude."""
-_UNKNOWN_SIGMA_MAG = 0.1
-"""One sigma of a catalogue magnitude whose error is not known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,58 +127,14 @@ class _Measured:
         )
 
     def _zero_point(self) -> ZeroPoint | None:
-        light = self._light
-        frame, stars, solution = light.frame, light.stars, light.solution
-        if solution is None or not frame.exposure_s or not len(stars):
+        field, frame = self._light.field, self._light.frame
+        if field is None:
             return None
-        try:
-            known = catalogue_stars(frame, solution, _MAX_CATALOGUE)
-        except RsoconsoleError as error:
-            log.warning("frame %d: no zero point: %s", frame.frame_id, error)
+        found = catalogue_fluxes(field, self._light.background, self._image)
+        if found is None:
             return None
-        if known is None:
-            return None
-        self._known_px, cone = known
-        usable = np.flatnonzero(~stars.is_saturated & (stars.flux > 0.0))[:_BRIGHTEST]
-        mine_px = star_positions_px(stars)[usable]
-        reach_px = max(stars.median_fwhm_px, 2.0)
-        mine, theirs = match_stars(mine_px, self._known_px, reach_px)
-        order = np.argsort(cone.magnitude[theirs], kind="stable")[:MAX_STARS]
-        mine, theirs = mine[order], theirs[order]
-        if not len(mine):
-            return None
-        places = self._with_neighbours(mine_px[mine])
-        found = star_fluxes(
-            frame.pixels,
-            light.background,
-            self._image,
-            places,
-            saturation_adu=frame.saturation_adu,
-            psf_field=stars.psf_field,
-            fwhm_px=stars.median_fwhm_px,
-        )
-        flux, sigma = found.flux_adu[: len(mine)], found.sigma_adu[: len(mine)]
-        self._sigma_adu = float(np.nanmedian(sigma))
-        good = (flux > 5.0 * sigma) & ~found.is_saturated[: len(mine)]
-        flux, sigma, theirs = flux[good], sigma[good], theirs[good]
-        by_catalogue = np.nan_to_num(cone.sigma_mag[theirs], nan=_UNKNOWN_SIGMA_MAG)
-        return fit_zero_point(
-            ZeroPointStars(
-                places_px=mine_px[mine][good],
-                zero_mag=cone.magnitude[theirs] + 2.5 * np.log10(flux / frame.exposure_s),
-                sigma_mag=np.hypot(MAG_PER_LN * sigma / flux, by_catalogue),
-                colour_mag=cone.colour_mag[theirs],
-            ),
-            (frame.width_px, frame.height_px),
-        )
-
-    def _with_neighbours(self, places: FloatArray) -> FloatArray:
-        """Places of stars, followed by those of all others that are near them."""
-        everything = star_positions_px(self._light.stars)
-        reach = _NEIGHBOURS_FWHM * self._light.stars.median_fwhm_px + self._image.trail_px
-        apart = np.abs(everything[:, None] - places[None]).max(axis=2)
-        others = everything[(apart < reach).any(axis=1) & (apart > 1e-6).all(axis=1)]
-        return np.concatenate([places, others])
+        self._known_px, self._sigma_adu = found.known_px, found.flux_sigma_adu
+        return found.zero_point((frame.width_px, frame.height_px))
 
     def _streak(self, name: str, streak: Detection, zero: ZeroPoint | None) -> StreakLight | None:
         light, frame = self._light, self._light.frame

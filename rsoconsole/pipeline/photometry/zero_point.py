@@ -20,13 +20,23 @@ OBJECT_COLOUR_SIGMA_MAG = 0.25
 """One sigma of a satellite's BT - VT about the Sun's."""
 MIN_STARS = 5
 MAX_STARS = 60
-_COLOUR_PRIOR_SIGMA = 0.3
-"""One sigma of a colour term before a star is seen: a camera without a filter has 0.2 to 0.4."""
+_COLOUR_PRIOR_SIGMA = 0.5
+"""One sigma of a colour term before a star is seen: 0.2 to 0.4 without a filter or in red, more in
+blue."""
 _HEIGHTS_MAG = (0.01, 0.03, 0.08, 0.2, 0.5)
 _LENGTHS = (0.12, 0.25, 0.6)
 """Lengths over which cloud changes, in units of the frame's diagonal."""
 _SCATTERS_MAG = (0.003, 0.008, 0.015, 0.025, 0.04, 0.06, 0.1, 0.15, 0.25)
+_SCATTER_PRIOR_MAG = 0.06
+"""Mean scatter of stars beyond noise and catalogue beforehand, of an exponential prior."""
+_HEIGHT_PRIOR_MAG = 0.2
+"""Mean height of cloud beforehand, likewise."""
 _CUT_SIGMAS, _ROUNDS = 3.5, 3
+_STRANGE_SIGMAS, _MAX_STRANGE_SHARE = 1.8, 0.25
+"""Residual from which a star may be left out for another reason, and largest share of those."""
+_STRANGE_COST = 3.4
+"""Gain in the others' log likelihood from which a star is variable, a blend or another one: one in
+twenty is, anywhere within 2 mag."""
 _FLAT_MAG = 3.0
 """One sigma of the level of the zero point beforehand: none of it is known."""
 
@@ -55,6 +65,8 @@ class ZeroPoint:
     sigma_mag: float
     scatter_mag: float
     """Root mean square of the stars about one zero point and colour term."""
+    star_scatter_mag: float
+    """One sigma of a star beyond noise, catalogue and cloud, as of a point's light."""
     colour_term: float
     """Change of the zero point per magnitude of BT - VT."""
     colour_term_sigma: float
@@ -89,17 +101,40 @@ def fit_zero_point(stars: ZeroPointStars, size_px: tuple[int, int]) -> ZeroPoint
     """
     kept = np.isfinite(stars.zero_mag) & np.isfinite(stars.sigma_mag)
     diagonal_px = math.hypot(*size_px)
+    if int(kept.sum()) < MIN_STARS:
+        return None
+    fit = _Fit(stars, kept, diagonal_px)
     for _ in range(_ROUNDS):
-        if int(kept.sum()) < MIN_STARS:
-            return None
-        fit = _Fit(stars, kept, diagonal_px)
         left = np.abs(fit.leave_one_out()) > _CUT_SIGMAS
         if not left.any():
             break
         kept[np.flatnonzero(kept)[left]] = False
-    if int(kept.sum()) < MIN_STARS:
-        return None
-    return _Fit(stars, kept, diagonal_px).zero_point(size_px)
+        if int(kept.sum()) < MIN_STARS:
+            return None
+        fit = _Fit(stars, kept, diagonal_px)
+    return _without_strange(stars, kept, fit).zero_point(size_px)
+
+
+def _without_strange(stars: ZeroPointStars, kept: npt.NDArray[np.bool_], fit: "_Fit") -> "_Fit":
+    """Leave out stars without which the others agree better than chance has it.
+
+    A few that are far off widen the scatter until none of them is beyond its sigmas; so the worst
+    are left out one after the other, and the likeliest of these choices is taken.
+    """
+    count = int(kept.sum())
+    best, best_score = fit, fit.log_likelihood
+    kept = kept.copy()
+    for left_out in range(1, min(int(_MAX_STRANGE_SHARE * count), count - MIN_STARS) + 1):
+        off = np.abs(fit.leave_one_out())
+        worst = int(np.argmax(off))
+        if off[worst] < _STRANGE_SIGMAS:
+            break
+        kept[np.flatnonzero(kept)[worst]] = False
+        fit = _Fit(stars, kept, fit.diagonal_px)
+        score = fit.log_likelihood - _STRANGE_COST * left_out
+        if score > best_score:
+            best, best_score = fit, score
+    return best
 
 
 def _kernel(one: FloatArray, other: FloatArray, height: float, length_px: float) -> FloatArray:
@@ -141,12 +176,14 @@ class _Fit:
                     cloud = height**2 * np.exp(-0.5 * (apart / (share * diagonal_px)) ** 2)
                     for scatter in scatters[::-2]:
                         # Cloud is believed where the stars show it, not by a hair.
-                        score = self._log_likelihood(common + cloud, scatter) - 1.0
+                        score = self._log_likelihood(common + cloud, scatter)
+                        score -= 1.0 + height / _HEIGHT_PRIOR_MAG
                         if score > best:
                             best, self.height, self.scatter = score, height, scatter
                             self.length_px = share * diagonal_px
             if self.height == 0.0:
                 break
+        self.log_likelihood = best
         self.inverse, self.solved = self._solve()
 
     def _covariance(self) -> FloatArray:
@@ -157,7 +194,8 @@ class _Fit:
     def _log_likelihood(self, shape: FloatArray, scatter: float) -> float:
         factor = np.linalg.cholesky(shape + np.diag(self.variance + scatter**2))
         solved = np.linalg.solve(factor, self.left)
-        return -0.5 * float(solved @ solved) - float(np.log(np.diag(factor)).sum())
+        by_stars = -0.5 * float(solved @ solved) - float(np.log(np.diag(factor)).sum())
+        return by_stars - scatter / _SCATTER_PRIOR_MAG
 
     def _solve(self) -> tuple[FloatArray, FloatArray]:
         inverse = np.asarray(np.linalg.inv(self._covariance()), dtype=np.float64)
@@ -183,6 +221,7 @@ class _Fit:
             mag=self.level,
             sigma_mag=self.scatter,
             scatter_mag=float(np.std(rest)),
+            star_scatter_mag=self.scatter,
             colour_term=term,
             colour_term_sigma=math.sqrt(max(term_variance, 0.0)),
             _places_px=self.places,

@@ -35,6 +35,7 @@ from rsoconsole.sky import (
     earth_velocity_km_s,
     jd_utc,
     lit_fraction,
+    phase_angle_deg,
     site_gcrs,
     teme_to_gcrs_rotation,
     unit_to_direction,
@@ -107,6 +108,8 @@ class FieldCrossing:
     """Height above the equator's radius at ``nearest``."""
     is_lit: bool
     """True where the Sun shines on it at ``nearest``."""
+    phase_deg: float
+    """Angle at the object between Sun and site at ``nearest``."""
     tle_age_days: float
     sigma_s: float
     """Sigma of the object's time along its orbit by the elements' age, without a manoeuvre."""
@@ -371,6 +374,7 @@ class _Search:
             for n in range(3)
         )
         r_km = three.r_km[1]
+        site_km = site_gcrs(self._site, np.array([nearest.t_utc_ns]))[0][0]
         age_days = (nearest.t_utc_ns - entry.epoch_utc_ns) / NS_PER_DAY
         return FieldCrossing(
             norad_id=entry.norad_id,
@@ -384,6 +388,7 @@ class _Search:
             range_km=range_km,
             height_km=float(np.linalg.norm(r_km)) - EARTH_RADIUS_KM,
             is_lit=bool(lit_fraction(r_km, nearest.t_utc_ns) >= LIT_SHARE),
+            phase_deg=float(phase_angle_deg(site_km + lines[1], site_km, nearest.t_utc_ns)),
             tle_age_days=age_days,
             sigma_s=self._sigma_s(entry, age_days, r_km),
         )

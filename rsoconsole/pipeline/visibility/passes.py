@@ -30,6 +30,7 @@ from rsoconsole.sky import (
     jd_utc,
     lit_fraction,
     lit_fraction_for_sun,
+    phase_angle_deg,
     separation_deg,
     site_gcrs,
     sun_gcrs_km,
@@ -134,6 +135,10 @@ class NightPass:
     lit_from_utc_ns: int | None
     """Begin of the sunlit part, to a minute; None: no part of the pass is sunlit."""
     lit_until_utc_ns: int | None
+    is_lit: bool
+    """True where the Sun shines on it at the top of the pass."""
+    phase_deg: float
+    """Angle at the object between Sun and site at the top of the pass."""
     range_km: float
     """Distance at the top of the pass."""
     rate_arcsec_s: float
@@ -284,6 +289,16 @@ class _Path:
         t = self.t_utc_ns[:-1, None] + np.arange(_PARTS) * step_ns
         return t.ravel(), line, alt_deg, az_deg
 
+    def light(self, n: int, t_utc_ns: int, line_km: FloatArray) -> tuple[bool, float]:
+        """Return whether it is lit, and its phase angle (deg), at the n-th of the fine instants."""
+        first, share = divmod(n, _PARTS)
+        # In a minute the site leaves its chord by 15 m.
+        before, after = (self.r_km[k] - self.line_km[k] for k in (first, first + 1))
+        site_km = before + share / _PARTS * (after - before)
+        r_km = site_km + line_km
+        is_lit = bool(lit_fraction_for_sun(self.sun_km[first], r_km) >= LIT_SHARE)
+        return is_lit, float(phase_angle_deg(r_km, site_km, t_utc_ns))
+
 
 def _pass(
     entry: CatalogueEntry,
@@ -305,6 +320,7 @@ def _pass(
     bright = path.t_utc_ns[lit]
     is_lit = bool(len(bright)) and bright[-1] >= t[rise] and bright[0] <= t[set_]
     nearest = int(np.argmin(np.abs(path.t_utc_ns - t[top])))
+    is_top_lit, phase_deg = path.light(top, int(t[top]), lines[top])
     beside = unit_vectors(lines[[max(top - 1, 0), min(top + 1, len(t) - 1)]])
     moved_deg = float(np.degrees(np.arcsin(np.linalg.norm(np.cross(*beside)))))
     span_s = (t[min(top + 1, len(t) - 1)] - t[max(top - 1, 0)]) / NS_PER_S
@@ -327,6 +343,8 @@ def _pass(
         set=corner(set_),
         lit_from_utc_ns=max(int(bright[0]), int(t[rise])) if is_lit else None,
         lit_until_utc_ns=min(int(bright[-1]), int(t[set_])) if is_lit else None,
+        is_lit=is_top_lit,
+        phase_deg=phase_deg,
         range_km=float(np.linalg.norm(lines[top])),
         rate_arcsec_s=3600.0 * moved_deg / span_s,
         tle_age_days=age_days,
@@ -351,6 +369,10 @@ class VisibleSatellite:
     alt_deg: float
     az_deg: float
     is_lit: bool
+    range_km: float
+    """Distance from the site."""
+    phase_deg: float
+    """Angle at the object between Sun and site."""
     rate_arcsec_s: float
     """Angular rate against the stars."""
     minutes_left: float | None
@@ -376,7 +398,9 @@ def visible_satellites(
         return ()
     ra_deg, dec_deg = unit_to_direction(now.line_km[is_up])
     rates = np.asarray(separation_deg(ra_deg[:, 0], dec_deg[:, 0], ra_deg[:, 1], dec_deg[:, 1]))
-    lit = lit_fraction(now.r_km[is_up, 0], t_utc_ns) >= LIT_SHARE
+    r_km, line_km = now.r_km[is_up, 0], now.line_km[is_up, 0]
+    lit = lit_fraction(r_km, t_utc_ns) >= LIT_SHARE
+    phases_deg = phase_angle_deg(r_km, r_km - line_km, t_utc_ns)
     left = _minutes_left(there, site, t_utc_ns, limits)
     found = [
         VisibleSatellite(
@@ -387,6 +411,8 @@ def visible_satellites(
             alt_deg=float(now.alt_deg[is_up][n, 0]),
             az_deg=float(now.az_deg[is_up][n, 0]),
             is_lit=bool(lit[n]),
+            range_km=float(np.linalg.norm(line_km[n])),
+            phase_deg=float(phases_deg[n]),
             rate_arcsec_s=float(rates[n]) * 3600.0 / RATE_STEP_S,
             minutes_left=None if np.isinf(left[n]) else float(left[n]),
         )

@@ -22,6 +22,7 @@ from rsoconsole.records import (
     Photometry,
     Solution,
     StateChange,
+    StreakLight,
     TrackState,
     measurement_id_of,
 )
@@ -78,8 +79,14 @@ def _light_report(light: Photometry | None, frame_id: int, number: int) -> dict[
     """Return the brightness of one candidate; every value None where it was not measured."""
     name = measurement_id_of(frame_id, number)
     streaks = () if light is None else light.streaks
-    own = next((each for each in streaks if each.measurement_id == name), None)
-    return {key: getattr(own, key, None) for key in _OF_LIGHT}
+    return streak_light_report(
+        next((each for each in streaks if each.measurement_id == name), None)
+    )
+
+
+def streak_light_report(light: StreakLight | None) -> dict[str, Any]:
+    """Return the brightness of a streak; every value None where it was not measured."""
+    return {key: getattr(light, key, None) for key in _OF_LIGHT}
 
 
 def points_report(

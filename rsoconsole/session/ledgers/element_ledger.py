@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rsoconsole.config import state_dir
-from rsoconsole.orbits import ElementErrorRow
+from rsoconsole.orbits import ElementErrorRow, StandardMagnitude, standard_magnitude
 from rsoconsole.session.log.codec import from_json_value
 from rsoconsole.session.log.line_file import Change, LineFile, Lines
 
@@ -24,6 +24,16 @@ class ElementLedger:
     rows: tuple[ElementErrorRow, ...] = ()
     unreadable: tuple[int, ...] = ()
     """Numbers, from 1, of the lines of the file that cannot be read."""
+
+    def standard_magnitudes(self) -> dict[int, StandardMagnitude]:
+        """Return the median of each object's standard magnitudes over its tracks, by NORAD id."""
+        known: dict[int, list[tuple[float, float]]] = {}
+        for row in self.rows:
+            if row.standard_mag is not None and row.standard_mag_sigma is not None:
+                both = (row.standard_mag, row.standard_mag_sigma)
+                known.setdefault(row.norad_id, []).append(both)
+        found = {n: standard_magnitude(*zip(*each, strict=True)) for n, each in known.items()}
+        return {n: each for n, each in found.items() if each is not None}
 
 
 def element_ledger_path(*, is_simulated: bool = False) -> Path:

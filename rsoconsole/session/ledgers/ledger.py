@@ -12,6 +12,7 @@ from typing import Any
 
 from rsoconsole.base import SessionError
 from rsoconsole.config import state_dir
+from rsoconsole.orbits import StandardMagnitude, standard_magnitude
 from rsoconsole.session.log.codec import from_json_value
 from rsoconsole.session.log.line_file import Change, LineFile, Lines
 
@@ -65,6 +66,10 @@ class LedgerTrack:
     directions: tuple[tuple[float, ...], ...]
     """Some of its directions: seconds since ``t_utc_ns``, RA, Dec (deg), covariance ee, en, nn."""
     is_simulated: bool = False
+    standard_mag: float | None = None
+    """Median of its V magnitudes at 1000 km and 90 deg, by ``orbit``; None where too few are."""
+    standard_mag_sigma: float | None = None
+    """Robust scatter of one of them, with the error of the distance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +90,27 @@ class LedgerObject:
     def last(self) -> LedgerTrack:
         """The latest track."""
         return self.tracks[-1]
+
+    @property
+    def standard_mag(self) -> float | None:
+        """Median of its tracks' magnitudes at 1000 km and 90 deg; None where no track has one."""
+        found = self._standard
+        return None if found is None else found.mag
+
+    @property
+    def standard_mag_sigma(self) -> float | None:
+        """Scatter of a single magnitude about ``standard_mag``."""
+        found = self._standard
+        return None if found is None else found.sigma_mag
+
+    @property
+    def _standard(self) -> StandardMagnitude | None:
+        known = [
+            (each.standard_mag, each.standard_mag_sigma)
+            for each in self.tracks
+            if each.standard_mag is not None and each.standard_mag_sigma is not None
+        ]
+        return standard_magnitude([mag for mag, _ in known], [sigma for _, sigma in known])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ are trailed stars and streaks.
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,9 +27,10 @@ _PASSES = 2
 _MODEL_ERROR = 0.01
 """Error of the image itself, as a share of its light at each pixel."""
 _CUT_SIGMAS = 4.0
+_RADII = 1024
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class StarImage:
     """Image of a point of unit light; widths are those of the frame's median star."""
 
@@ -56,6 +58,14 @@ class StarImage:
         """Return the image that a line has across: drift and motion add up to one line."""
         return replace(self, trail_px=0.0)
 
+    @cached_property
+    def _by_radius(self) -> tuple[FloatArray, FloatArray]:
+        """Distances from a point that is no trail, px, and the light there."""
+        r_px = np.linspace(0.0, 6.0 * float(self.sigmas_px.max()), _RADII)
+        s2 = self.sigmas_px[:, None] ** 2
+        light = self.shares @ (np.exp(-0.5 * r_px**2 / s2) / (2.0 * math.pi * s2))
+        return r_px, np.asarray(light)
+
     @property
     def fwhm_px(self) -> float:
         """Full width at half maximum across, px: of the cross-section of a line."""
@@ -67,6 +77,9 @@ class StarImage:
         self, dx_px: FloatArray, dy_px: FloatArray, scale: FloatArray | float = 1.0
     ) -> FloatArray:
         """Light per pixel at offsets from the point, whose width is ``scale`` times the median."""
+        if self.trail_px < _MIN_TRAIL_PX:
+            r_px = np.sqrt(dx_px * dx_px + dy_px * dy_px) / scale
+            return np.asarray(np.interp(r_px, *self._by_radius, right=0.0) / scale**2)
         return np.asarray(
             sum(
                 share * _drawn_out(dx_px, dy_px, sigma * scale, self.trail_px, self.trail_deg)
@@ -74,12 +87,40 @@ class StarImage:
             )
         )
 
+    def with_slopes(
+        self, dx_px: FloatArray, dy_px: FloatArray, scale: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Light per pixel, and how it changes as the point moves along x and y and ln scale grows.
+
+        By finite steps where drift has drawn the image out.
+        """
+        if self.trail_px >= _MIN_TRAIL_PX:
+            step = _SLOPE_STEP
+            here = self.at(dx_px, dy_px, scale)
+            others = (
+                self.at(dx_px - step, dy_px, scale),
+                self.at(dx_px, dy_px - step, scale),
+                self.at(dx_px, dy_px, scale * math.exp(step)),
+            )
+            along_x, along_y, wider = ((each - here) / step for each in others)
+            return here, along_x, along_y, wider
+        r2 = dx_px * dx_px + dy_px * dy_px
+        here, slope, wider = (np.zeros(r2.shape) for _ in range(3))
+        for share, sigma in zip(self.shares, self.sigmas_px * scale, strict=True):
+            light = share * np.exp(-0.5 * r2 / sigma**2) / (2.0 * math.pi * sigma**2)
+            here += light
+            slope += light / sigma**2
+            wider += light * (r2 / sigma**2 - 2.0)
+        return here, slope * dx_px, slope * dy_px, wider
+
     def across(self, v_px: FloatArray, scale: float = 1.0) -> FloatArray:
         """Cross-section of an endless line of unit light a px of length, at distances ``v_px``."""
         s = self.sigmas_px[:, None] * scale
         return np.asarray(self.shares @ (np.exp(-0.5 * (v_px / s) ** 2) / (s * _ROOT_2PI)))
 
 
+_MIN_TRAIL_PX = 0.05
+_SLOPE_STEP = 0.02
 _ROOT_2PI = math.sqrt(2.0 * math.pi)
 
 
@@ -99,10 +140,11 @@ def fit_star_image(
     stamps = [_Stamp.of(pixels, sky, stars, n, half_px) for n in chosen]
     widths = WIDTHS * plain.sigmas_px[0]
     image = replace(plain, sigmas_px=widths, shares=(widths == plain.sigmas_px[0]).astype(float))
+    for stamp in stamps:
+        stamp.fit(image)  # for the place
     for _ in range(_PASSES):
         for stamp in stamps:
             stamp.fit(image)
-            stamp.fit(image)  # with the place found
         shares = _shares(stamps, image)
         if shares is None:
             return plain
@@ -224,7 +266,7 @@ def _drawn_out(
     dx_px: FloatArray, dy_px: FloatArray, sigma_px: FloatArray | float, length_px: float, deg: float
 ) -> FloatArray:
     """Gaussian of unit light, drawn out evenly along a centred line of a length and direction."""
-    if length_px < 0.05:
+    if length_px < _MIN_TRAIL_PX:
         r2 = dx_px * dx_px + dy_px * dy_px
         return np.asarray(np.exp(-0.5 * r2 / sigma_px**2) / (2.0 * math.pi * sigma_px**2))
     c, s = math.cos(math.radians(deg)), math.sin(math.radians(deg))
