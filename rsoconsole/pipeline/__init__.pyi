@@ -190,5 +190,6 @@ from .words.orbit_json import identification_report as identification_report
 from .words.orbit_json import named_track_report as named_track_report
 from .words.orbit_json import orbit_report as orbit_report
 from .words.reports import detections_report as detections_report
+from .words.reports import points_report as points_report
 from .words.reports import process_report as process_report
 from .words.reports import solved_report as solved_report

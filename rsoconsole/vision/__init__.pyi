@@ -64,6 +64,8 @@ from .photometry.star_image import StarImage as StarImage
 from .photometry.star_image import fit_star_image as fit_star_image
 from .photometry.streak_flux import StreakFlux as StreakFlux
 from .photometry.streak_flux import streak_flux as streak_flux
+from .points.points import PointList as PointList
+from .points.points import find_points as find_points
 from .stars.plate_fit import PlateFit as PlateFit
 from .stars.plate_fit import field_radius_deg as field_radius_deg
 from .stars.plate_fit import refit as refit

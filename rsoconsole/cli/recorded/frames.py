@@ -321,7 +321,7 @@ def detect(
     Example: rsoconsole detect mosaic.fits --extension all
     """
     from rsoconsole.instruments import EXTENSION_KEY, read_frames
-    from rsoconsole.pipeline import FrameDetector, detections_report
+    from rsoconsole.pipeline import FrameDetector, detections_report, points_report
 
     overrides = {"detector.tau": tau, "detector.map_mode": map_mode}
     whole = load_config(config, {k: v for k, v in overrides.items() if v is not None})
@@ -335,6 +335,7 @@ def detect(
                     files.name(path),
                     found.detections,
                     found.photometry,
+                    points=points_report(found.points, found.photometry, frame.exposure_s),
                     extension=frame.header.get(EXTENSION_KEY),
                     notes=found.notes,
                 )

@@ -18,7 +18,15 @@ from rsoconsole.pipeline.photometry.frame_photometry import (
     photometry_of,
 )
 from rsoconsole.records import Detections, Frame, NotSolved, Photometry, Solution
-from rsoconsole.vision import ConfidenceCurve, Network, StarList, StreakDetector, find_stars
+from rsoconsole.vision import (
+    ConfidenceCurve,
+    Network,
+    PointList,
+    StarList,
+    StreakDetector,
+    find_points,
+    find_stars,
+)
 
 log = logging.getLogger(__name__)
 
@@ -93,6 +101,8 @@ class DetectedFrame:
     detections: Detections
     photometry: Photometry
     notes: tuple[str, ...]
+    points: PointList | None = None
+    """Points among the stars' trails; None where the stars are points themselves."""
 
 
 class FrameDetector:
@@ -125,7 +135,15 @@ class FrameDetector:
         prepared, noted = self._calibration.prepare(frame)
         analysis = self._detector.analyse(prepared)
         found = analysis.detections
-        solution = self._solution(frame, analysis.stars) if found.detections else None
+        # None without trails, at no cost.
+        points = find_points(
+            prepared.pixels,
+            analysis.background,
+            analysis.stars,
+            saturation_adu=prepared.saturation_adu,
+        )
+        is_solved = bool(found.detections) or (points is not None and points.sure().size > 0)
+        solution = self._solution(frame, analysis.stars) if is_solved else None
         light = FrameLight(
             frame=prepared,
             stars=analysis.stars,
@@ -138,6 +156,7 @@ class FrameDetector:
             detections=found,
             photometry=photometry_of(light),
             notes=tuple(each.words for each in notes),
+            points=points,
         )
 
     def _solution(self, frame: Frame, stars: StarList) -> Solution | NotSolved | None:

@@ -28,6 +28,7 @@ from rsoconsole.records import (
 )
 from rsoconsole.sky import wcs_cards
 from rsoconsole.tracking import Following
+from rsoconsole.vision import PointList
 from rsoconsole.words import text, utc_ns_to_iso
 
 _OF_DETECTION = (
@@ -88,18 +89,51 @@ def streak_light_report(light: StreakLight | None) -> dict[str, Any]:
     return {key: getattr(light, key, None) for key in _OF_LIGHT}
 
 
+def points_report(
+    points: PointList | None, light: Photometry | None, exposure_s: float | None
+) -> list[dict[str, Any]]:
+    """Return the JSON objects of the points among a frame's star trails; none without trails.
+
+    Only those that one frame alone makes likely.
+    """
+    if points is None:
+        return []
+    zero_mag = None if light is None else light.zero_point_mag
+    has_mag = zero_mag is not None and bool(exposure_s)
+    rows = []
+    for n in points.sure():
+        flux = float(points.flux_adu[n])
+        rows.append(
+            {
+                "x": float(points.x_px[n]),
+                "y": float(points.y_px[n]),
+                "sigma": float(points.sigma_px[n]),
+                "snr": float(points.snr[n]),
+                "flux_adu": flux,
+                "flux_sigma_adu": float(points.flux_sigma_adu[n]),
+                "mag": (zero_mag or 0.0) - 2.5 * math.log10(flux / (exposure_s or 1.0))
+                if has_mag
+                else None,
+                "is_trail_end": bool(points.is_trail_end[n]),
+            }
+        )
+    return rows
+
+
 def detections_report(
     name: str,
     found: Detections,
     light: Photometry | None = None,
     *,
+    points: Sequence[dict[str, Any]] = (),
     extension: str | None = None,
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the JSON object of ``rsoconsole detect``.
 
-    ``light``: the frame's brightness; None where it was not measured. ``extension``: the one read,
-    of a file with several images; ``notes``: cautions about the frame.
+    ``light``: the frame's brightness; None where it was not measured. ``points``: those among star
+    trails, by ``points_report``. ``extension``: the one read, of a file with several images;
+    ``notes``: cautions about the frame.
     """
     return {
         "frame": name,
@@ -110,6 +144,7 @@ def detections_report(
             {**detection_report(d), **_light_report(light, found.frame_id, n)}
             for n, d in enumerate(found.detections)
         ],
+        "points": list(points),
         **{key: getattr(light, key, None) for key in _OF_ZERO_POINT},
         "rejected": [
             {**detection_report(r.detection), "reason": text(r.reason)} for r in found.rejected

@@ -3,10 +3,11 @@
 Each bright light is measured as a whole, out to a fixed share of its brightness: middle, length and
 direction by moments. The trail is the length and direction on which most of the bright lights
 agree. A light with that length and direction is a star; its middle is its place at mid-exposure.
+Trails too long for the box about a bright pixel are measured with pixels joined.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,12 +17,19 @@ from rsoconsole.vision.arrays import IndexArray
 from rsoconsole.vision.frame.background import Background
 from rsoconsole.vision.frame.bins import mirrored_indices
 from rsoconsole.vision.stars.star_list import OblongLights, StarList, StarTrail
+from rsoconsole.vision.stars.trail_places import place_along_trails
+from rsoconsole.vision.stars.trail_section import measure_trail_section
 
 MAX_OBLONG = 60
 
 
 HALF_PX = 40
 """Half the side of the box examined about a bright pixel: it holds trails of up to 60 px whole."""
+_JOINED_SIDES = (2, 4, 8)
+"""Sides of the squares of pixels that are joined for longer trails, px, in turn."""
+_JOINED_HALF_PX = 75
+"""Half the side of their box, joined px: it holds trails of up to 140 joined px."""
+_SMOOTH_PX = 1.0
 _LIT_SHARE, _LIT_SIGMA = 0.25, 3.0
 """Thresholds of lit pixels: share of the brightest (smoothed) one, and sigma of the noise."""
 _BRIGHTEST = 80
@@ -56,6 +64,17 @@ class _Piece:
         return math.sqrt(12.0 * max(self.along**2 - self.across**2, 0.0))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Boxes:
+    """What the boxes about bright pixels are cut from."""
+
+    pixels: PixelArray
+    sky: Background
+    saturation_adu: float
+    half_px: int = HALF_PX
+    is_smooth: bool = False
+
+
 def trailed_stars(
     pixels: PixelArray, sky: Background, x0_px: IndexArray, y0_px: IndexArray, saturation_adu: float
 ) -> StarList | None:
@@ -63,16 +82,90 @@ def trailed_stars(
 
     ``x0_px``, ``y0_px``: bright pixels, each of which may belong to a star.
     """
+    boxes = _Boxes(pixels=pixels, sky=sky, saturation_adu=saturation_adu)
+    found = _stars_of(_pieces(boxes, x0_px, y0_px))
+    for side in _JOINED_SIDES:
+        if found is not None or min(pixels.shape) < 4 * _JOINED_HALF_PX * side:
+            break
+        found = _long_trails(boxes, x0_px, y0_px, side)
+    return found
+
+
+def _long_trails(boxes: _Boxes, x0_px: IndexArray, y0_px: IndexArray, side: int) -> StarList | None:
+    """Measure stars with squares of pixels joined; their width is that of the pixels as they are.
+
+    ``side``: side of the squares, px.
+    """
+    import cv2
+
+    pixels, sky = boxes.pixels, boxes.sky
+    height, width = (each // side for each in pixels.shape)
+    whole = pixels[: height * side, : width * side].astype(np.float32)
+    joined = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    joined_sky = replace(
+        sky,
+        noise=sky.noise / np.float32(side),
+        cell_px=sky.cell_px // side,
+        width_px=width,
+        height_px=height,
+    )
+    places = np.unique(np.minimum(y0_px // side, height - 1) * width + x0_px // side)
+    y0, x0 = np.divmod(places, width)
+    wide = _Boxes(
+        pixels=cv2.GaussianBlur(joined, (0, 0), _SMOOTH_PX),
+        sky=joined_sky,
+        saturation_adu=boxes.saturation_adu,
+        half_px=_JOINED_HALF_PX,
+        is_smooth=True,
+    )
+    found = _stars_of(_pieces(wide, x0, y0))
+    if found is None or found.trail is None:
+        return None
+    trail = replace(
+        found.trail,
+        length_px=found.trail.length_px * side,
+        fwhm_px=found.trail.fwhm_px * side,
+    )
+    stars = replace(
+        found,
+        x_px=(found.x_px + 0.5) * side - 0.5,
+        y_px=(found.y_px + 0.5) * side - 0.5,
+        flux=found.flux * side**2,
+        oblong=None,
+        trail=trail,
+    )
+    section = measure_trail_section(pixels, sky, stars, boxes.saturation_adu)
+    if section is None:
+        return stars
+    trail = replace(trail, fwhm_px=section.fwhm_px, angle_deg=section.direction_deg)
+    return place_along_trails(
+        pixels,
+        replace(
+            stars,
+            fwhm_px=np.full(len(stars), section.fwhm_px),
+            median_fwhm_px=section.fwhm_px,
+            trail=trail,
+        ),
+    )
+
+
+def _pieces(boxes: _Boxes, x0_px: IndexArray, y0_px: IndexArray) -> list[_Piece]:
+    """Measure all lights about bright pixels that the boxes hold whole, each once."""
     pieces: list[_Piece] = []
     seen: set[tuple[int, int]] = set()
     for x0, y0 in zip(x0_px.tolist(), y0_px.tolist(), strict=True):
-        piece = _piece(pixels, sky, x0, y0, saturation_adu)
+        piece = _piece(boxes, x0, y0)
         if piece is None or not piece.is_whole or piece.snr < _MIN_SNR:
             continue
         key = (round(piece.x_px / 4.0), round(piece.y_px / 4.0))
         if key not in seen:
             seen.add(key)
             pieces.append(piece)
+    return pieces
+
+
+def _stars_of(pieces: list[_Piece]) -> StarList | None:
+    """Choose the stars among lights, brightest first; None without a common trail."""
     trail = _agreed(sorted(pieces, key=lambda each: -each.flux)[:_BRIGHTEST])
     if trail is None:
         return None
@@ -142,30 +235,29 @@ def _is_of(piece: _Piece, trail: StarTrail) -> bool:
     return is_long and line_angle_deg(piece.angle_deg, trail.angle_deg) < leeway_deg
 
 
-def _piece(
-    pixels: PixelArray, sky: Background, x0: int, y0: int, saturation_adu: float
-) -> _Piece | None:
+def _piece(boxes: _Boxes, x0: int, y0: int) -> _Piece | None:
     """Measure the light connected with one bright pixel."""
     import cv2
 
+    pixels, sky, half_px = boxes.pixels, boxes.sky, boxes.half_px
     height, width = pixels.shape
-    first_x, first_y = x0 - HALF_PX, y0 - HALF_PX
-    if first_x >= 0 and first_y >= 0 and x0 + HALF_PX < width and y0 + HALF_PX < height:
-        box = pixels[first_y : y0 + HALF_PX + 1, first_x : x0 + HALF_PX + 1].astype(np.float32)
+    first_x, first_y = x0 - half_px, y0 - half_px
+    if first_x >= 0 and first_y >= 0 and x0 + half_px < width and y0 + half_px < height:
+        box = pixels[first_y : y0 + half_px + 1, first_x : x0 + half_px + 1].astype(np.float32)
     else:
-        ys = mirrored_indices(np.arange(first_y, y0 + HALF_PX + 1), height)
-        xs = mirrored_indices(np.arange(first_x, x0 + HALF_PX + 1), width)
+        ys = mirrored_indices(np.arange(first_y, y0 + half_px + 1), height)
+        xs = mirrored_indices(np.arange(first_x, x0 + half_px + 1), width)
         box = pixels[np.ix_(ys, xs)].astype(np.float32)
-    if float(box[HALF_PX, HALF_PX]) > 0.95 * saturation_adu:
+    if float(box[half_px, half_px]) > 0.95 * boxes.saturation_adu:
         return None
     noise = sky.at(sky.noise, x0, y0)
     box -= np.float32(sky.at(sky.level, x0, y0))
-    smooth = cv2.GaussianBlur(box, (0, 0), 1.0)
-    threshold = max(_LIT_SHARE * float(smooth[HALF_PX, HALF_PX]), _LIT_SIGMA * noise * 0.3)
+    smooth = box if boxes.is_smooth else cv2.GaussianBlur(box, (0, 0), _SMOOTH_PX)
+    threshold = max(_LIT_SHARE * float(smooth[half_px, half_px]), _LIT_SIGMA * noise * 0.3)
     lit = (smooth > threshold).astype(np.uint8)
-    if not lit[HALF_PX, HALF_PX]:
+    if not lit[half_px, half_px]:
         return None
-    count, _, _, (left, top, wide, high) = cv2.floodFill(lit, None, (HALF_PX, HALF_PX), 2, flags=8)
+    count, _, _, (left, top, wide, high) = cv2.floodFill(lit, None, (half_px, half_px), 2, flags=8)
     within = slice(top, top + high), slice(left, left + wide)
     light = cv2.moments(np.where(lit[within] == 2, smooth[within], np.float32(0.0)))
     flux = light["m00"]
@@ -174,7 +266,7 @@ def _piece(
     x, y = left + light["m10"] / flux, top + light["m01"] / flux
     xx, yy, xy = (light[each] / flux for each in ("mu20", "mu02", "mu11"))
     mean, gap = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
-    edge = 2 * HALF_PX - _RIM_PX
+    edge = 2 * half_px - _RIM_PX
     return _Piece(
         x_px=first_x + x,
         y_px=first_y + y,

@@ -1,0 +1,1 @@
+"""Points of several frames confirmed as objects that keep pace with the telescope."""
