@@ -11,7 +11,7 @@ needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"{DATA} is not here")
 
 @needs_data
 @pytest.mark.shared_data
-@pytest.mark.slow("five frames of four million pixels, drawn out and searched")
+@pytest.mark.nightly("five frames of four million pixels, drawn out and searched")
 @pytest.mark.parametrize(
     ("name", "angle_deg"),
     plain_first(
