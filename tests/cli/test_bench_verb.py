@@ -91,7 +91,7 @@ def test_rounds_go_on_while_there_is_time_and_the_first_does_not_count(
     class Instant:
         detections, compressed_bytes, size_px = 1, 1, (1, 1)
         notes = ("once", "once")
-        last = None
+        limiting_mag = None
 
         def __init__(self, *_: object) -> None: ...
 
