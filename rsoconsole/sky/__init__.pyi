@@ -65,10 +65,6 @@ from .places import site_of_itrs_m as site_of_itrs_m
 from .places import sun_gcrs_km as sun_gcrs_km
 from .places import teme_to_gcrs_rotation as teme_to_gcrs_rotation
 from .places import zenith_gcrs as zenith_gcrs
-from .stars.johnson import JOHNSON_MAX_COLOUR_MAG as JOHNSON_MAX_COLOUR_MAG
-from .stars.johnson import JOHNSON_MIN_COLOUR_MAG as JOHNSON_MIN_COLOUR_MAG
-from .stars.johnson import johnson_b_minus_v_mag as johnson_b_minus_v_mag
-from .stars.johnson import johnson_v_mag as johnson_v_mag
 from .stars.proper_motion import J2000_JYEAR as J2000_JYEAR
 from .stars.proper_motion import apply_proper_motion as apply_proper_motion
 from .stars.proper_motion import julian_year as julian_year

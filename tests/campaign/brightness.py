@@ -182,7 +182,7 @@ def table(found: dict[str, Sequence[Row]]) -> str:
 
 
 def known_rows(folder: Path) -> dict[str, Sequence[Row]]:
-    """Of all families that have rows."""
+    """Rows of each family that has been drawn."""
     return {name: rows for name in FAMILIES if (rows := read(folder / f"{name}.jsonl"))}
 
 

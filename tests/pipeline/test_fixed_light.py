@@ -323,5 +323,5 @@ def test_memory_is_one_frame():
     for number, wcs in PLATES.items():
         frame = sky.frame(number, wcs)
         path.reduce(frame)
-        assert made._before is not None
-        assert made._before.frame is frame
+        assert made.before is not None
+        assert made.before.frame is frame

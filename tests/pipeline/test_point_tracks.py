@@ -6,7 +6,6 @@ import pytest
 from rsoconsole.pipeline import points_report
 from rsoconsole.pipeline.points.confirm import PointTrack, confirm_points
 from rsoconsole.pipeline.points.frame_points import FramePoints, compare_by_plates
-from rsoconsole.records import Photometry
 from rsoconsole.sky import icrs_to_jnow, jnow_to_icrs, sky_to_pixel, tan_wcs
 from rsoconsole.sky.epoch import SIDEREAL_DEG_S
 from rsoconsole.vision import PointList, find_stars, local_background
@@ -205,11 +204,8 @@ def test_drawn_frames_from_pixels_to_confirmed_objects():
     assert drifting.rate_px_s == pytest.approx((0.08, 0.04), abs=0.01)
 
 
-def test_one_frames_sure_points_are_reported_with_magnitudes_by_its_zero_point():
+def test_one_frames_sure_points_are_reported():
     points = listed([(500.0, 700.0), (90.0, 80.0)], np.array([12.0, 4.0]))
-    light = Photometry(frame_id=1, zero_point_mag=22.0)
-    (sure,) = points_report(points, light, EXPOSURE_S)
+    (sure,) = points_report(points)
     assert (sure["x"], sure["y"], sure["snr"]) == (500.0, 700.0, 12.0)
-    assert sure["mag"] == pytest.approx(22.0 - 2.5 * np.log10(1200.0 / EXPOSURE_S))
-    assert points_report(points, None, EXPOSURE_S)[0]["mag"] is None
-    assert points_report(None, light, EXPOSURE_S) == []
+    assert points_report(None) == []

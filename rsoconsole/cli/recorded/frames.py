@@ -335,7 +335,7 @@ def detect(
                     files.name(path),
                     found.detections,
                     found.photometry,
-                    points=points_report(found.points, found.photometry, frame.exposure_s),
+                    points=points_report(found.points),
                     extension=frame.header.get(EXTENSION_KEY),
                     notes=found.notes,
                 )

@@ -153,7 +153,8 @@ class FrameComparison:
     """Comparison of each solved frame with the solved frame before it, whose pixels are kept."""
 
     def __init__(self) -> None:
-        self._before: SolvedField | None = None
+        self.before: SolvedField | None = None
+        """The last solved frame; None before there is one."""
 
     def compared_detections(
         self, frame: Frame, analysis: FrameAnalysis, solution: Solution
@@ -169,7 +170,7 @@ class FrameComparison:
             solution=solution,
             streaks=analysis.detections.detections,
         )
-        before, self._before = self._before, here
+        before, self.before = self.before, here
         asked = _worth_a_look(analysis)
         return _after(here, analysis, lambda: compare_streaks(here, before, asked))
 
@@ -179,6 +180,8 @@ class RecordedComparison:
 
     It takes the results of the comparison from the frame's recorded rejections.
     """
+
+    before = None
 
     def __init__(self, recorded: Detections | None) -> None:
         """``recorded``: the detections recorded for that frame; None where it was never reduced."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from rsoconsole.config import Config
 from rsoconsole.instruments import PlateSolver
 from rsoconsole.pipeline.comparison.fixed_light import FrameComparison, RecordedComparison
-from rsoconsole.pipeline.comparison.look_back import SolvedField
 from rsoconsole.pipeline.frame.calibration import Calibration
 from rsoconsole.pipeline.frame.frame_cautions import Caution, cautions
 from rsoconsole.pipeline.frame.measurement import measure_detections
@@ -26,7 +25,6 @@ from rsoconsole.records import (
 )
 from rsoconsole.vision import (
     ConfidenceCurve,
-    FrameAnalysis,
     Network,
     Proposer,
     PsfMemory,
@@ -95,7 +93,6 @@ class FrameReducer:
         self._glancer = StreakDetector(network, config.detector, curve, is_quick=True)
         self._plate = plate
         self._comparison = comparison or FrameComparison()
-        self._before: SolvedField | None = None
         self._config = config
         self._calibration = calibration or Calibration(config)
 
@@ -157,6 +154,7 @@ class FrameReducer:
             with time_stage(stage_ms, "solve"):
                 solution = self._plate.solve(frame, analysis.stars)
         measurements: tuple[Measurement, ...] = ()
+        before = self._comparison.before
         if isinstance(solution, Solution):
             with time_stage(stage_ms, "compare"):
                 found = self._comparison.compared_detections(even, analysis, solution)
@@ -180,28 +178,15 @@ class FrameReducer:
             stage_ms=stage_ms,
             cautions=(*noted, *cautions(frame, solution, self._config)),
             chart_stars=brightest_stars(analysis.stars),
-            light=self._light(even, analysis, found, solution, measurements),
+            light=FrameLight(
+                frame=even,
+                stars=analysis.stars,
+                background=analysis.background,
+                streaks=light_streaks(found, measurements),
+                solution=solution if isinstance(solution, Solution) else None,
+                before=before,
+            ),
         )
-
-    def _light(
-        self,
-        frame: Frame,
-        analysis: FrameAnalysis,
-        found: Detections,
-        solution: Solution | NotSolved | None,
-        measurements: tuple[Measurement, ...],
-    ) -> FrameLight:
-        """What the frame's photometry is measured from; it is the next frame's "before"."""
-        light = FrameLight(
-            frame=frame,
-            stars=analysis.stars,
-            background=analysis.background,
-            streaks=light_streaks(found, measurements),
-            solution=solution if isinstance(solution, Solution) else None,
-            before=self._before,
-        )
-        self._before = light.field or self._before
-        return light
 
 
 def typical_flux_adu(stars: StarList) -> float | None:

@@ -142,8 +142,7 @@ class FrameDetector:
             analysis.stars,
             saturation_adu=prepared.saturation_adu,
         )
-        is_solved = bool(found.detections) or (points is not None and points.sure().size > 0)
-        solution = self._solution(frame, analysis.stars) if is_solved else None
+        solution = self._solution(frame, analysis.stars) if found.detections else None
         light = FrameLight(
             frame=prepared,
             stars=analysis.stars,

@@ -89,35 +89,25 @@ def streak_light_report(light: StreakLight | None) -> dict[str, Any]:
     return {key: getattr(light, key, None) for key in _OF_LIGHT}
 
 
-def points_report(
-    points: PointList | None, light: Photometry | None, exposure_s: float | None
-) -> list[dict[str, Any]]:
+def points_report(points: PointList | None) -> list[dict[str, Any]]:
     """Return the JSON objects of the points among a frame's star trails; none without trails.
 
     Only those that one frame alone makes likely.
     """
     if points is None:
         return []
-    zero_mag = None if light is None else light.zero_point_mag
-    has_mag = zero_mag is not None and bool(exposure_s)
-    rows = []
-    for n in points.sure():
-        flux = float(points.flux_adu[n])
-        rows.append(
-            {
-                "x": float(points.x_px[n]),
-                "y": float(points.y_px[n]),
-                "sigma": float(points.sigma_px[n]),
-                "snr": float(points.snr[n]),
-                "flux_adu": flux,
-                "flux_sigma_adu": float(points.flux_sigma_adu[n]),
-                "mag": (zero_mag or 0.0) - 2.5 * math.log10(flux / (exposure_s or 1.0))
-                if has_mag
-                else None,
-                "is_trail_end": bool(points.is_trail_end[n]),
-            }
-        )
-    return rows
+    return [
+        {
+            "x": float(points.x_px[n]),
+            "y": float(points.y_px[n]),
+            "sigma": float(points.sigma_px[n]),
+            "snr": float(points.snr[n]),
+            "flux_adu": float(points.flux_adu[n]),
+            "flux_sigma_adu": float(points.flux_sigma_adu[n]),
+            "is_trail_end": bool(points.is_trail_end[n]),
+        }
+        for n in points.sure()
+    ]
 
 
 def detections_report(
